@@ -1,0 +1,1 @@
+//! Metrics and estimates of accuracy (filled in by its owner).

@@ -1,0 +1,1 @@
+//! Watertight ray–triangle test (filled in by its owner).

@@ -1,0 +1,1 @@
+//! Camera rays (filled in by its owner).

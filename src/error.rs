@@ -1,0 +1,81 @@
+//! Everything that can go wrong, typed by what a caller would do about it. Each error is one line that names the file
+//! and, inside a glTF, the JSON pointer (RFC 6901) of the offending value and what was found there.
+
+use std::path::PathBuf;
+
+/// The library's result type.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// An error of the library. `exit_code` maps it to the command line's contract.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// "read", "write", "rename", …
+        action: &'static str,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The scene file is broken or hostile at `pointer`.
+    #[error("{}: {pointer}: {problem}", file.display())]
+    InvalidScene {
+        /// The glTF or GLB file.
+        file: PathBuf,
+        /// JSON pointer of the value, `/accessors/3/count`; `/` when the file as a whole is meant.
+        pointer: String,
+        /// Expected and found, in one clause.
+        problem: String,
+    },
+    /// `extensionsRequired` names an extension that is not implemented.
+    #[error("{}: /extensionsRequired: {extension} is required by the file and not supported", file.display())]
+    UnsupportedExtension {
+        /// The glTF or GLB file.
+        file: PathBuf,
+        /// Name of the extension.
+        extension: String,
+    },
+    /// An image (texture, environment, EXR to compare) is missing, broken or of a wrong kind.
+    #[error("{}: {problem}", path.display())]
+    Image {
+        /// Image file, or `FILE#/images/N` for an image inside a glTF.
+        path: PathBuf,
+        /// What was expected and found.
+        problem: String,
+    },
+    /// The ray backend could not be made ready.
+    #[error("{backend}: {problem}")]
+    Backend {
+        /// "embree", "obvhs" or "brute".
+        backend: &'static str,
+        /// What failed and, where known, the package to install.
+        problem: String,
+    },
+    /// An option is out of its range, or options contradict each other.
+    #[error("{option}: {problem}")]
+    Option {
+        /// Name of the option as the command line spells it.
+        option: &'static str,
+        /// What was given and what is accepted.
+        problem: String,
+    },
+}
+
+impl Error {
+    /// Exit code of the command line's contract: 1 I/O or internal, 2 usage, 4 scene invalid or extension unsupported.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::InvalidScene { .. } | Error::UnsupportedExtension { .. } => 4,
+            Error::Option { .. } => 2,
+            Error::Io { .. } | Error::Image { .. } | Error::Backend { .. } => 1,
+        }
+    }
+
+    /// An [`Error::Io`] for `path`.
+    pub fn io(path: impl Into<PathBuf>, action: &'static str, source: std::io::Error) -> Self {
+        Error::Io { path: path.into(), action, source }
+    }
+}

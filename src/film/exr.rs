@@ -1,0 +1,1 @@
+//! OpenEXR output (filled in by its owner).

@@ -1,0 +1,1 @@
+//! PNG preview (filled in by its owner).

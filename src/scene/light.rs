@@ -1,0 +1,53 @@
+//! Light sources that are not surfaces: `KHR_lights_punctual` and the environment. Emissive triangles are found from
+//! the materials.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+/// One punctual light placed in the world. 1 cd is taken as 1 W/sr, 1 lx as 1 W/m².
+#[derive(Clone, Debug, PartialEq)]
+pub struct PunctualLight {
+    /// Name in the file, or `light N`.
+    pub name: String,
+    /// World position, relative to [`Scene::origin`](super::Scene::origin); unused by directional lights.
+    pub position: Vec3,
+    /// Unit world direction the light shines along (node-local −Z); unused by point lights.
+    pub direction: Vec3,
+    /// colour × intensity: W/sr for point and spot, W/m² for directional.
+    pub intensity: Vec3,
+    /// Which of the three kinds, with the kind's own parameters.
+    pub kind: PunctualKind,
+}
+
+/// The kinds of `KHR_lights_punctual`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PunctualKind {
+    /// Light from infinity along one direction.
+    Directional,
+    /// Light from a point in all directions.
+    Point,
+    /// Light from a point within a cone.
+    Spot {
+        /// Cosine of the angle where the fall-off begins.
+        cos_inner: f32,
+        /// Cosine of the angle where the light ends.
+        cos_outer: f32,
+    },
+}
+
+/// An equirectangular environment map, linear Rec.709 radiance. Row 0 is the top (+Y). For a unit direction d,
+/// u = 0.5 + atan2(d.x, −d.z)/2π and v = acos(d.y)/π.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `width × height` radiance texels, row-major, finite and ≥ 0.
+    pub texels: Arc<[Vec3]>,
+    /// Rotation about +Y in radians: the map is turned counter-clockwise seen from above.
+    pub rotation_rad: f32,
+    /// Factor on the radiance.
+    pub intensity: f32,
+}

@@ -1,0 +1,145 @@
+//! The scene as the file describes it: immutable, in file units, no decision taken. [`gltf`] fills it,
+//! [`builder`] does so from code (tests, library users), [`geometry`] flattens it for tracing and shading.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
+
+pub mod builder;
+pub mod camera;
+pub mod geometry;
+pub mod gltf;
+pub mod ids;
+pub mod light;
+pub mod material;
+pub mod validate;
+
+pub use camera::{Camera, Projection};
+pub use ids::{MaterialId, MeshId, TextureId};
+pub use light::{Environment, PunctualKind, PunctualLight};
+pub use material::{Material, TextureSlot};
+
+/// Triangles of one glTF primitive, in object space.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// `mesh name/primitive N`.
+    pub name: String,
+    /// Vertex positions, metres, all finite.
+    pub positions: Vec<Vec3>,
+    /// Triangles as vertex indices, all in range; strips and fans are already unrolled.
+    pub triangles: Vec<[u32; 3]>,
+    /// Unit vertex normals, or `None` for flat shading.
+    pub normals: Option<Vec<Vec3>>,
+    /// `TEXCOORD_0`.
+    pub uvs: Option<Vec<Vec2>>,
+    /// Unit tangents with the bitangent's sign in w; present whenever a normal map needs them.
+    pub tangents: Option<Vec<Vec4>>,
+    /// What the surface is made of.
+    pub material: MaterialId,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// Which mesh.
+    pub mesh: MeshId,
+    /// Object to world, relative to [`Scene::origin`]; invertible and finite. A negative determinant mirrors: the
+    /// front side of a triangle is then the other winding (glTF 2.0 §3.7.4).
+    pub world_from_object: Affine3A,
+}
+
+/// How texture coordinates outside [0,1) are folded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// glTF 10497.
+    Repeat,
+    /// glTF 33648.
+    MirroredRepeat,
+    /// glTF 33071.
+    ClampToEdge,
+}
+
+/// How stored texel values map to linear ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColorSpace {
+    /// Base colour and emissive: decoded by the sRGB curve before filtering.
+    Srgb,
+    /// Data: metallic-roughness and normals.
+    Linear,
+}
+
+/// Decoded image and its sampler.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// File name, or `image N`.
+    pub name: String,
+    /// Columns, > 0.
+    pub width: usize,
+    /// Rows, > 0.
+    pub height: usize,
+    /// RGBA, 8 bits a channel as stored, row-major from the top; 16-bit sources are rounded.
+    pub texels: Arc<[[u8; 4]]>,
+    /// How to read `texels`.
+    pub color_space: ColorSpace,
+    /// Horizontal wrap.
+    pub wrap_u: Wrap,
+    /// Vertical wrap.
+    pub wrap_v: Wrap,
+    /// False for the NEAREST magnification filter.
+    pub bilinear: bool,
+}
+
+/// Something the user should know that does not stop the work.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// Where: JSON pointer, material name, or file.
+    pub place: String,
+    /// What, in one clause.
+    pub what: String,
+}
+
+/// Things the loader left out, counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// Triangles of zero area, with repeated indices, or not finite.
+    pub degenerate_triangles: usize,
+    /// Points and lines, which a path tracer of surfaces cannot show.
+    pub points_and_lines: usize,
+}
+
+/// A loaded scene.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// The file it came from; empty for scenes made in code.
+    pub file: PathBuf,
+    /// One entry a glTF primitive.
+    pub meshes: Vec<Mesh>,
+    /// Placements, flattened to one level.
+    pub instances: Vec<Instance>,
+    /// Never empty once loaded: the glTF default material is appended when a primitive has none.
+    pub materials: Vec<Material>,
+    /// Decoded textures.
+    pub textures: Vec<Texture>,
+    /// Punctual lights.
+    pub punctual: Vec<PunctualLight>,
+    /// Cameras of the scene in node order; never empty once loaded (framed automatically, with a warning, if the file has none).
+    pub cameras: Vec<Camera>,
+    /// The environment, if one was given.
+    pub environment: Option<Environment>,
+    /// World position of the coordinates' origin: subtracted from everything in f64 at load when the scene lies far away.
+    pub origin: DVec3,
+    /// Size that `scenes[n].extras.render` suggests, if any.
+    pub suggested_size: Option<(u32, u32)>,
+    /// What was left out.
+    pub dropped: Dropped,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+impl Scene {
+    /// Triangles over all placements.
+    pub fn triangle_count(&self) -> u64 {
+        self.instances.iter().map(|i| self.meshes[i.mesh.index()].triangles.len() as u64).sum()
+    }
+}

@@ -1,0 +1,1 @@
+//! Multiple importance sampling weights (filled in by its owner).

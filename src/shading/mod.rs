@@ -1,0 +1,6 @@
+//! Light transport as pure functions of numbers: they never see queues, tiles, options, clocks or RNG state.
+
+pub mod bsdf;
+pub mod light;
+pub mod mis;
+pub mod roulette;

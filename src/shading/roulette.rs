@@ -1,0 +1,1 @@
+//! Russian roulette (filled in by its owner).

@@ -1,0 +1,1 @@
+//! Statistics of a render as JSON (filled in by its owner).

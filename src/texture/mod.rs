@@ -1,0 +1,1 @@
+//! Textures (filled in by its owner).
