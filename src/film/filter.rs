@@ -1,19 +1,6 @@
 //! Pixel filters, sampled by importance (filled in by its owner).
 
-/// The filters of `--filter`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum FilterKind {
-    /// Box of 1 pixel.
-    Box,
-    /// Tent of radius 1.
-    Tent,
-    /// Gaussian, standard deviation 0.5, cut at radius 1.5.
-    Gaussian,
-    /// Blackman-Harris of radius 1.5.
-    BlackmanHarris,
-    /// Mitchell-Netravali (1/3, 1/3), radius 2; has negative lobes, weights are signed.
-    Mitchell,
-}
+pub use crate::plan::options::FilterKind;
 
 /// A point drawn from a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]

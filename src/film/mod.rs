@@ -4,7 +4,7 @@ pub mod exr;
 pub mod filter;
 pub mod png;
 
-use crate::render::Crop;
+use crate::plan::options::Crop;
 
 /// Sums of one pixel. Half `h` holds the samples whose index has parity `h`; the halves use independent scrambles of
 /// the sampler, so a quarter of the squared difference of their means is an unbiased estimate of the variance of the

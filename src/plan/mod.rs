@@ -1,5 +1,7 @@
 //! The plan: every decision of a render, resolved once from scene and options.
 
+pub mod options;
+
 use serde::Serialize;
 
 /// An effect that is not simulated, and why.

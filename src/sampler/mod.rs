@@ -2,11 +2,4 @@
 
 pub mod dims;
 
-/// The samplers of `--sampler`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SamplerKind {
-    /// Owen-scrambled Sobol points, padded in sets of four dimensions.
-    Sobol,
-    /// Independent uniform numbers.
-    Independent,
-}
+pub use crate::plan::options::SamplerKind;

@@ -4,10 +4,9 @@
 //! instanced at one level. Each triangle has one 64-byte record (a cache line) with everything flat shading needs;
 //! vertex attributes are looked up only where the plan shades with them.
 
-use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3, Vec4};
 
-use super::ids::MaterialId;
-use super::{MeshId, Scene};
+use super::{Instance, Material, Mesh, Scene};
 
 /// A repeated mesh is baked as long as all baked copies together stay below this many triangles (64 B of record, about
 /// 100 B of hierarchy each: 330 MB at the limit). Measured reason: a ray through an instance costs a transform and a
@@ -31,23 +30,13 @@ pub struct Triangle {
     pub n_g: [f32; 3],
     /// Index into `Scene::materials`.
     pub material: u32,
-    /// Index of this triangle's corners in [`Geometry::attributes`], or [`NO_ATTRIBUTES`].
+    /// Index of this triangle's corners in [`Geometry::normals`] (and in `uvs`, `tangents` where below their length), or
+    /// [`NO_ATTRIBUTES`].
     pub attributes: u32,
     /// Area in m² (of the mesh's space).
     pub area: f32,
     /// Index of the light this triangle is, or `u32::MAX`. Valid in the world mesh only: emissive meshes are always baked.
     pub light: u32,
-}
-
-/// Vertex attributes of one triangle's three corners. Missing ones are zero and not read.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Corners {
-    /// Unit normals in the mesh's space.
-    pub normal: [Vec3; 3],
-    /// Texture coordinates.
-    pub uv: [Vec2; 3],
-    /// Tangent and the bitangent's sign.
-    pub tangent: [Vec4; 3],
 }
 
 /// Triangles of one mesh as a backend sees them.
@@ -83,10 +72,244 @@ pub struct Geometry {
     pub instances: Vec<Placement>,
     /// One record per triangle of every mesh.
     pub triangles: Vec<Triangle>,
-    /// Corner attributes; empty if no mesh has normals or texture coordinates.
-    pub attributes: Vec<Corners>,
+    /// Unit normals at the corners of the triangles that have attributes. Triangles with tangents come first, then those
+    /// with texture coordinates, then those with normals alone, so that the shorter arrays below are prefixes.
+    pub normals: Vec<[Vec3; 3]>,
+    /// Texture coordinates at the corners; only triangles whose material reads a texture have them.
+    pub uvs: Vec<[Vec2; 3]>,
+    /// Tangents and the bitangent's sign at the corners; only triangles whose material has a normal map have them.
+    pub tangents: Vec<[Vec4; 3]>,
     /// World-space bounds over all placements: min and max; min > max when there is nothing.
     pub bounds: (Vec3, Vec3),
     /// Triangles without area that were left out while baking.
     pub dropped_degenerate: usize,
+}
+
+/// Which attributes a mesh's triangles carry, richest first: the order in which meshes are laid out.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Attributes {
+    Tangents,
+    Uvs,
+    Normals,
+    None,
+}
+
+impl Attributes {
+    fn of(mesh: &Mesh, material: &Material) -> Self {
+        if mesh.uvs.is_some() && mesh.tangents.is_some() && material.normal_texture.is_some() {
+            Attributes::Tangents
+        } else if mesh.uvs.is_some() && material.reads_textures() {
+            Attributes::Uvs
+        } else if mesh.normals.is_some() {
+            Attributes::Normals
+        } else {
+            Attributes::None
+        }
+    }
+}
+
+impl Geometry {
+    /// Flattens `scene`: bakes what is baked, keeps the rest instanced, computes one record per triangle.
+    pub fn build(scene: &Scene) -> Self {
+        let mut geometry = Geometry { bounds: (Vec3::INFINITY, Vec3::NEG_INFINITY), ..Default::default() };
+        let baked = baked_meshes(scene);
+
+        // Richest attributes first keeps `uvs` and `tangents` prefixes of `normals`, over all meshes together. The world
+        // mesh must stay one range of triangles, so its members come first within each richness; record indices are per
+        // mesh (`first_triangle`), attribute indices are global.
+        let mut world = MeshRecords::default();
+        let mut instanced: Vec<(u32, MeshRecords)> = Vec::new();
+        for richness in [Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None] {
+            for instance in &scene.instances {
+                let mesh = &scene.meshes[instance.mesh.index()];
+                let material = &scene.materials[mesh.material.index()];
+                if baked[instance.mesh.index()] && Attributes::of(mesh, material) == richness {
+                    geometry.bake(&mut world, mesh, richness, &instance.world_from_object);
+                }
+            }
+            for (id, mesh) in scene.meshes.iter().enumerate() {
+                let material = &scene.materials[mesh.material.index()];
+                let placed = scene.instances.iter().any(|i| i.mesh.index() == id);
+                if !baked[id] && placed && Attributes::of(mesh, material) == richness {
+                    let mut records = MeshRecords::default();
+                    geometry.bake(&mut records, mesh, richness, &Affine3A::IDENTITY);
+                    instanced.push((id as u32, records));
+                }
+            }
+        }
+
+        geometry.append(world);
+        let mut mesh_of = vec![0u32; scene.meshes.len()];
+        for (id, records) in instanced {
+            mesh_of[id as usize] = geometry.meshes.len() as u32;
+            geometry.append(records);
+        }
+        for instance in scene.instances.iter().filter(|i| !baked[i.mesh.index()]) {
+            geometry.place(mesh_of[instance.mesh.index()], instance);
+        }
+        let world_vertices = &geometry.meshes[0].vertices;
+        for index in geometry.meshes[0].indices.iter().flatten() {
+            let p = world_vertices[*index as usize];
+            geometry.bounds = (geometry.bounds.0.min(p), geometry.bounds.1.max(p));
+        }
+        geometry
+    }
+
+    /// Record of triangle `prim` of mesh `geom`.
+    #[inline(always)]
+    pub fn triangle(&self, geom: u32, prim: u32) -> &Triangle {
+        &self.triangles[(self.meshes[geom as usize].first_triangle + prim) as usize]
+    }
+
+    /// Radius of the sphere around the bounds' centre that holds everything, metres; 1 when there is nothing.
+    pub fn bounding_radius(&self) -> f32 {
+        let (lo, hi) = self.bounds;
+        if lo.x > hi.x { 1.0 } else { (0.5 * (hi - lo).length()).max(f32::MIN_POSITIVE) }
+    }
+
+    /// Adds one placement's triangles to `out`, transformed in f64. A mirroring placement swaps two corners, so that
+    /// e1 × e2 stays on the front side.
+    fn bake(&mut self, out: &mut MeshRecords, mesh: &Mesh, richness: Attributes, world_from_object: &Affine3A) {
+        let m = DAffine3 {
+            matrix3: DMat3::from_cols(
+                world_from_object.matrix3.x_axis.as_dvec3(),
+                world_from_object.matrix3.y_axis.as_dvec3(),
+                world_from_object.matrix3.z_axis.as_dvec3(),
+            ),
+            translation: world_from_object.translation.as_dvec3(),
+        };
+        let mirrored = m.matrix3.determinant() < 0.0;
+        let normal_matrix = m.matrix3.inverse().transpose();
+        let base = out.mesh.vertices.len() as u32;
+        // The identity is skipped rather than multiplied by: x·1 + 0 is exact, but costs time on large meshes.
+        let identity = *world_from_object == Affine3A::IDENTITY;
+        out.mesh.vertices.extend(
+            mesh.positions.iter().map(|&p| if identity { p } else { m.transform_point3(p.as_dvec3()).as_vec3() }),
+        );
+
+        for &[a, b, c] in &mesh.triangles {
+            let corner = if mirrored { [a, c, b] } else { [a, b, c] };
+            let [v0, v1, v2] = corner.map(|i| out.mesh.vertices[(base + i) as usize]);
+            let cross = (v1 - v0).as_dvec3().cross((v2 - v0).as_dvec3());
+            let exact = (v1.as_dvec3() - v0.as_dvec3()).cross(v2.as_dvec3() - v0.as_dvec3());
+            let twice_area = exact.length();
+            if !(twice_area > 0.0 && twice_area.is_finite() && cross.length() > 0.0) {
+                self.dropped_degenerate += 1;
+                continue;
+            }
+            let n_g = (exact / twice_area).as_vec3();
+            let attributes = self.push_attributes(mesh, richness, corner, n_g, &normal_matrix);
+            out.mesh.indices.push(corner.map(|i| base + i));
+            out.records.push(Triangle {
+                v0: v0.into(),
+                e1: (v1 - v0).into(),
+                e2: (v2 - v0).into(),
+                n_g: n_g.into(),
+                material: mesh.material.0,
+                attributes,
+                area: (0.5 * twice_area) as f32,
+                light: u32::MAX,
+            });
+        }
+    }
+
+    fn push_attributes(
+        &mut self,
+        mesh: &Mesh,
+        richness: Attributes,
+        corner: [u32; 3],
+        n_g: Vec3,
+        normal_matrix: &DMat3,
+    ) -> u32 {
+        if richness == Attributes::None {
+            return NO_ATTRIBUTES;
+        }
+        let to_world = |v: Vec3| (*normal_matrix * v.as_dvec3()).normalize_or_zero().as_vec3();
+        let at = corner.map(|i| i as usize);
+        self.normals.push(match &mesh.normals {
+            Some(normals) => at.map(|i| {
+                let n = to_world(normals[i]);
+                if n == Vec3::ZERO || !n.is_finite() { n_g } else { n }
+            }),
+            None => [n_g; 3],
+        });
+        if let (true, Some(uvs)) = (richness <= Attributes::Uvs, &mesh.uvs) {
+            self.uvs.push(at.map(|i| if uvs[i].is_finite() { uvs[i] } else { Vec2::ZERO }));
+        }
+        if let (Attributes::Tangents, Some(tangents)) = (richness, &mesh.tangents) {
+            let linear = normal_matrix.inverse().transpose();
+            self.tangents.push(at.map(|i| {
+                let t = (linear * tangents[i].truncate().as_dvec3()).normalize_or_zero().as_vec3();
+                t.extend(if linear.determinant() < 0.0 { -tangents[i].w } else { tangents[i].w })
+            }));
+        }
+        (self.normals.len() - 1) as u32
+    }
+
+    fn append(&mut self, mut records: MeshRecords) {
+        records.mesh.first_triangle = self.triangles.len() as u32;
+        records.mesh.vertices.push(Vec3::ZERO);
+        self.triangles.append(&mut records.records);
+        self.meshes.push(records.mesh);
+    }
+
+    fn place(&mut self, mesh: u32, instance: &Instance) {
+        let m = instance.world_from_object;
+        let inverse = DAffine3 {
+            matrix3: DMat3::from_cols(
+                m.matrix3.x_axis.as_dvec3(),
+                m.matrix3.y_axis.as_dvec3(),
+                m.matrix3.z_axis.as_dvec3(),
+            ),
+            translation: m.translation.as_dvec3(),
+        }
+        .inverse();
+        let column = |v: DVec3| v.as_vec3a();
+        let object_from_world = Affine3A {
+            matrix3: Mat3A::from_cols(
+                column(inverse.matrix3.x_axis),
+                column(inverse.matrix3.y_axis),
+                column(inverse.matrix3.z_axis),
+            ),
+            translation: column(inverse.translation),
+        };
+        let world_from_normal = object_from_world.matrix3.transpose();
+        for index in self.meshes[mesh as usize].indices.iter().flatten() {
+            let p = m.transform_point3(self.meshes[mesh as usize].vertices[*index as usize]);
+            self.bounds = (self.bounds.0.min(p), self.bounds.1.max(p));
+        }
+        self.instances.push(Placement { mesh, world_from_object: m, object_from_world, world_from_normal });
+    }
+}
+
+/// A mesh under construction and its records.
+#[derive(Default)]
+struct MeshRecords {
+    mesh: TriangleMesh,
+    records: Vec<Triangle>,
+}
+
+/// Which meshes are baked: emissive ones (lights need world triangles), those placed once, and repeated ones from the
+/// smallest up until the budget is spent.
+fn baked_meshes(scene: &Scene) -> Vec<bool> {
+    let mut placements = vec![0u64; scene.meshes.len()];
+    for instance in &scene.instances {
+        placements[instance.mesh.index()] += 1;
+    }
+    let mut order: Vec<usize> = (0..scene.meshes.len()).collect();
+    order.sort_by_key(|&i| (scene.meshes[i].triangles.len(), i));
+    let mut baked = vec![false; scene.meshes.len()];
+    let mut spent = 0u64;
+    for i in order {
+        let mesh = &scene.meshes[i];
+        let cost = mesh.triangles.len() as u64 * placements[i];
+        let emissive = scene.materials[mesh.material.index()].is_emissive();
+        if emissive || placements[i] == 1 {
+            baked[i] = true;
+        } else if spent + cost <= BAKE_TRIANGLE_BUDGET {
+            baked[i] = true;
+            spent += cost;
+        }
+    }
+    baked
 }

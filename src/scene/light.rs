@@ -51,3 +51,10 @@ pub struct Environment {
     /// Factor on the radiance.
     pub intensity: f32,
 }
+
+impl Environment {
+    /// The same radiance from everywhere.
+    pub fn constant(radiance: Vec3) -> Self {
+        Environment { width: 1, height: 1, texels: Arc::new([radiance]), rotation_rad: 0.0, intensity: 1.0 }
+    }
+}

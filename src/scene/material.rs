@@ -84,6 +84,14 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Whether any slot is textured, so that texture coordinates are needed.
+    pub fn reads_textures(&self) -> bool {
+        self.base_color_texture.is_some()
+            || self.metallic_roughness_texture.is_some()
+            || self.normal_texture.is_some()
+            || self.emissive_texture.is_some()
+    }
+
     /// Whether the surface can emit light by itself (area light).
     pub fn is_emissive(&self) -> bool {
         !self.unlit && self.emissive.max_element() > 0.0
