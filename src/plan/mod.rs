@@ -1,47 +1,291 @@
-//! The plan: every decision of a render, resolved once from scene and options.
+//! The plan: every decision of a render, resolved once from scene and options. Everything below reads the plan, never
+//! the options. Pure and printable.
 
+pub mod effects;
 pub mod options;
+
+use std::fmt;
+use std::time::Duration;
 
 use serde::Serialize;
 
-/// An effect that is not simulated, and why.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Ignored {
-    /// Name of the effect, with the object that asks for it.
-    pub what: String,
-    /// Why it is not simulated.
-    pub why: String,
-}
+use crate::backend::{BackendKind, BackendOptions, QueryMode};
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use crate::scene::geometry::Geometry;
+pub use effects::{Effects, Features, Ignored};
+use options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
-/// Effects of a scene, for people and programs.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Effects {
-    /// What the file and the options ask for.
-    pub found: Vec<String>,
-    /// What will run.
-    pub simulated: Vec<String>,
-    /// What will not.
-    pub ignored: Vec<Ignored>,
-}
+/// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
+/// stay inside 1 MiB of L2.
+pub const WAVE: usize = 2048;
+
+/// Largest image side, pixels.
+pub const MAX_SIDE: u32 = 1 << 16;
+
+/// Largest number of path edges that may be asked for.
+pub const MAX_DEPTH: u32 = 1 << 16;
 
 /// Something that makes the expected image differ from the true one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Bias {
     /// Name, with its parameter: "max-depth 64".
     pub what: String,
-    /// Fraction of the image's energy that it removes at most, or measured; `None` until measured.
+    /// Fraction of the image's energy that it removes, measured; `None` until measured.
     pub energy_removed: Option<f64>,
+}
+
+/// Query mode of each ray class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RayModes {
+    /// Camera rays (coherent).
+    pub camera: QueryMode,
+    /// Rays after a scattering (incoherent).
+    pub bounce: QueryMode,
+    /// Shadow rays.
+    pub shadow: QueryMode,
+}
+
+/// When a render ends: the first of these that is met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Samples per pixel.
+    pub spp: Option<u64>,
+    /// Wall time.
+    pub time: Option<Duration>,
+    /// Estimated √relMSE.
+    pub error: Option<f64>,
+    /// Samples per pixel before `error` is looked at.
+    pub min_spp: u64,
 }
 
 /// Every decision of a render.
 #[derive(Clone, Debug)]
 pub struct RenderPlan {
-    /// For people and programs.
+    /// Full image: columns, rows.
+    pub resolution: (u32, u32),
+    /// The pixels that are rendered.
+    pub window: Crop,
+    /// Index into `Scene::cameras`.
+    pub camera: usize,
+    /// Finite aperture; `None` is a pinhole.
+    pub lens: Option<Lens>,
+    /// Pixel filter.
+    pub filter: FilterKind,
+    /// When to end.
+    pub limits: Limits,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Worker threads, ≥ 1.
+    pub threads: usize,
+    /// Largest number of path edges.
+    pub max_depth: u32,
+    /// Russian roulette.
+    pub roulette: Roulette,
+    /// How the two samplings are combined.
+    pub strategy: Strategy,
+    /// Random numbers.
+    pub sampler: SamplerKind,
+    /// Ray backend.
+    pub backend: BackendKind,
+    /// Query mode of each ray class.
+    pub rays: RayModes,
+    /// Instruction set to pin.
+    pub isa: Option<String>,
+    /// Paths of one wave.
+    pub wave: usize,
+    /// The gates that the stages read.
+    pub features: Features,
+    /// The same for people and programs.
     pub effects: Effects,
     /// Names of the stages that run, in order.
     pub stages: Vec<&'static str>,
     /// Known biases.
     pub bias: Vec<Bias>,
-    /// Paths of one wave.
-    pub wave: usize,
+}
+
+impl RenderPlan {
+    /// Resolves `options` against `scene` and its flattened geometry.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for anything out of range, naming the option and what is accepted.
+    pub fn new(scene: &Scene, geometry: &Geometry, options: &RenderOptions) -> Result<Self> {
+        let resolution = (options.width, options.height);
+        for (option, side) in [("--width", options.width), ("--height", options.height)] {
+            if side == 0 || side > MAX_SIDE {
+                return refuse(option, format!("{side} pixels; accepted are 1 to {MAX_SIDE}"));
+            }
+        }
+        if !(1..=MAX_DEPTH).contains(&options.max_depth) {
+            return refuse("--max-depth", format!("{}; accepted are 1 to {MAX_DEPTH} edges", options.max_depth));
+        }
+        if options.spp == Some(0) {
+            return refuse("--spp", "0 samples make no picture; at least 1".into());
+        }
+        if let Some(error) = options.error.filter(|e| !(*e > 0.0 && e.is_finite())) {
+            return refuse("--error", format!("{error}; a relative error above 0 is needed, 1% or 0.01"));
+        }
+        if let Some(lens) = options.lens {
+            if !(lens.radius_m > 0.0 && lens.radius_m.is_finite()) {
+                return refuse("--aperture-radius", format!("{} m; a finite length above 0 is needed", lens.radius_m));
+            }
+            if !(lens.focus_m > 0.0) {
+                return refuse("--focus-distance", format!("{} m; a length above 0 is needed", lens.focus_m));
+            }
+        }
+        if let Roulette::Constant(q) = options.roulette {
+            if !(q > 0.0 && q <= 1.0) {
+                return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
+            }
+        }
+        let camera = resolve_camera(scene, &options.camera)?;
+        let backend = options.backend.unwrap_or(BackendKind::available()[0]);
+        if !BackendKind::available().contains(&backend) {
+            return refuse("--backend", format!("{} is not in this build; use obvhs or brute", backend.name()));
+        }
+
+        let (features, effects) = effects::find(scene, options, !geometry.instances.is_empty());
+        let mode = |auto| options.rays.unwrap_or(auto);
+        let rays = RayModes {
+            camera: mode(QueryMode::Packet16),
+            bounce: mode(QueryMode::Packet16),
+            shadow: mode(QueryMode::Packet16),
+        };
+        let what = format!("max-depth {}", options.max_depth);
+        Ok(RenderPlan {
+            resolution,
+            window: resolve_window(resolution, options.crop)?,
+            camera,
+            lens: options.lens.filter(|_| features.lens),
+            filter: options.filter,
+            limits: Limits {
+                spp: options.spp,
+                time: options.time,
+                error: options.error,
+                min_spp: options.min_spp.max(2),
+            },
+            seed: options.seed,
+            threads: resolve_threads(options.threads),
+            max_depth: options.max_depth,
+            roulette: options.roulette,
+            strategy: options.strategy,
+            sampler: options.sampler,
+            backend,
+            rays,
+            isa: options.isa.clone(),
+            wave: WAVE,
+            stages: stages(&features, options),
+            features,
+            effects,
+            bias: vec![Bias { what, energy_removed: None }],
+        })
+    }
+
+    /// What the backend is asked for.
+    pub fn backend_options(&self) -> BackendOptions {
+        BackendOptions {
+            incoherent: self.rays.bounce,
+            coherent: self.rays.camera,
+            shadow: self.rays.shadow,
+            robust: true,
+            isa: self.isa.clone(),
+            build_threads: self.threads,
+        }
+    }
+
+    /// Whether emitters are sampled from surfaces at all.
+    pub fn samples_lights(&self) -> bool {
+        let f = &self.features;
+        self.strategy != Strategy::BsdfOnly && (f.area_lights || f.environment || f.punctual)
+    }
+}
+
+impl fmt::Display for RenderPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let join = |list: &[String]| if list.is_empty() { "none".to_string() } else { list.join(", ") };
+        writeln!(f, "simulated  {}", join(&self.effects.simulated))?;
+        for ignored in &self.effects.ignored {
+            writeln!(f, "ignored    {}: {}", ignored.what, ignored.why)?;
+        }
+        writeln!(f, "stages     {}", self.stages.join(" → "))?;
+        writeln!(
+            f,
+            "rays       {} with camera {}, bounce {}, shadow {}",
+            self.backend.name(),
+            self.rays.camera,
+            self.rays.bounce,
+            self.rays.shadow
+        )?;
+        writeln!(f, "wave       {} paths", self.wave)?;
+        for bias in &self.bias {
+            writeln!(f, "bias       {}", bias.what)?;
+        }
+        Ok(())
+    }
+}
+
+fn refuse<T>(option: &'static str, problem: String) -> Result<T> {
+    Err(Error::Option { option, problem })
+}
+
+fn resolve_camera(scene: &Scene, choice: &CameraChoice) -> Result<usize> {
+    let names = || scene.cameras.iter().map(|c| format!("'{}'", c.name)).collect::<Vec<_>>().join(", ");
+    match choice {
+        CameraChoice::First if !scene.cameras.is_empty() => Ok(0),
+        CameraChoice::First => refuse("--camera", "the scene has no camera".into()),
+        CameraChoice::Index(i) if *i < scene.cameras.len() => Ok(*i),
+        CameraChoice::Index(i) => {
+            refuse("--camera", format!("index {i}; the scene has {}: {}", scene.cameras.len(), names()))
+        }
+        CameraChoice::Name(name) => match scene.cameras.iter().position(|c| c.name == *name) {
+            Some(i) => Ok(i),
+            None => refuse("--camera", format!("'{name}' is none of the scene's cameras: {}", names())),
+        },
+    }
+}
+
+fn resolve_window(resolution: (u32, u32), crop: Option<Crop>) -> Result<Crop> {
+    let full = Crop { x: 0, y: 0, width: resolution.0, height: resolution.1 };
+    let Some(crop) = crop else { return Ok(full) };
+    let fits = |start: u32, size: u32, side: u32| size > 0 && start.checked_add(size).is_some_and(|end| end <= side);
+    if fits(crop.x, crop.width, full.width) && fits(crop.y, crop.height, full.height) {
+        Ok(crop)
+    } else {
+        refuse(
+            "--crop",
+            format!(
+                "{}x{}+{}+{} does not lie inside the image of {}x{} pixels",
+                crop.width, crop.height, crop.x, crop.y, full.width, full.height
+            ),
+        )
+    }
+}
+
+fn resolve_threads(asked: usize) -> usize {
+    if asked > 0 { asked } else { std::thread::available_parallelism().map_or(1, |n| n.get()) }
+}
+
+/// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
+fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
+    let lights = f.area_lights || f.environment || f.punctual;
+    let sampled = lights && options.strategy != Strategy::BsdfOnly;
+    let all: [(&'static str, bool); 16] = [
+        ("raygen", !f.lens),
+        ("raygen-lens", f.lens),
+        ("closest-hit", true),
+        ("environment", f.environment),
+        ("emission", f.area_lights || f.unlit),
+        ("absorption", f.absorption),
+        ("roulette", options.roulette != Roulette::Off),
+        ("smooth-normals", f.smooth_normals),
+        ("textures", f.textures),
+        ("normal-maps", f.normal_maps),
+        ("glossy", f.glossy),
+        ("dielectric", f.dielectric),
+        ("thin", f.thin),
+        ("light-sampling", sampled),
+        ("any-hit", sampled),
+        ("accumulate", true),
+    ];
+    all.iter().filter(|(_, runs)| *runs).map(|(name, _)| *name).collect()
 }

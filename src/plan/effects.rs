@@ -1,0 +1,213 @@
+//! What a scene calls for: found from scene and options, with the first object that asks for each effect. Pure.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::options::{RenderOptions, Strategy};
+use crate::scene::{Material, Projection, PunctualKind, Scene};
+
+/// An effect that is not simulated, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Ignored {
+    /// Name of the effect, with the object that asks for it.
+    pub what: String,
+    /// Why it is not simulated.
+    pub why: String,
+}
+
+/// Effects of a scene, for people and programs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Effects {
+    /// What the file and the options ask for: "smooth-normals (mesh 'ball')".
+    pub found: Vec<String>,
+    /// What will run.
+    pub simulated: Vec<String>,
+    /// What will not.
+    pub ignored: Vec<Ignored>,
+}
+
+/// The gates that the stages read. Each is true only if something in the scene or the options calls for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Features {
+    /// A finite aperture.
+    pub lens: bool,
+    /// Vertex normals on some placed mesh.
+    pub smooth_normals: bool,
+    /// Any texture at all; the four below say which.
+    pub textures: bool,
+    /// Base-colour textures.
+    pub base_color_textures: bool,
+    /// Metallic-roughness textures.
+    pub metallic_roughness_textures: bool,
+    /// Normal maps.
+    pub normal_maps: bool,
+    /// Emissive textures.
+    pub emissive_textures: bool,
+    /// Specular reflection on an opaque surface (metal, or a dielectric coat).
+    pub glossy: bool,
+    /// Dielectric coats over a diffuse base: needs the albedo tables.
+    pub coated: bool,
+    /// Solid dielectrics.
+    pub dielectric: bool,
+    /// Thin-walled transmission.
+    pub thin: bool,
+    /// Absorption inside solid dielectrics.
+    pub absorption: bool,
+    /// Unlit materials.
+    pub unlit: bool,
+    /// Light from infinity all around.
+    pub environment: bool,
+    /// Point, spot and directional lights.
+    pub punctual: bool,
+    /// Emissive triangles.
+    pub area_lights: bool,
+    /// Placements that stay instanced.
+    pub instancing: bool,
+    /// One accumulator per path length.
+    pub per_length: bool,
+}
+
+/// Collects effects in a fixed order, with the first reason for each.
+#[derive(Default)]
+struct Found {
+    reasons: BTreeMap<usize, (&'static str, String)>,
+}
+
+impl Found {
+    fn mark(&mut self, gate: &mut bool, order: usize, name: &'static str, reason: impl FnOnce() -> String) {
+        *gate = true;
+        self.reasons.entry(order).or_insert_with(|| (name, reason()));
+    }
+}
+
+/// Finds the effects of `scene` under `options`. `instanced` tells whether placements stay instanced.
+pub fn find(scene: &Scene, options: &RenderOptions, instanced: bool) -> (Features, Effects) {
+    let mut features = Features::default();
+    let mut found = Found::default();
+    let mut ignored = Vec::new();
+    let f = &mut features;
+
+    if let Some(lens) = options.lens {
+        found.mark(&mut f.lens, 0, "lens", || format!("aperture radius {} m", lens.radius_m));
+    }
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        let material = &scene.materials[mesh.material.index()];
+        if mesh.normals.is_some() {
+            found.mark(&mut f.smooth_normals, 1, "smooth-normals", || format!("mesh '{}'", mesh.name));
+        }
+        if mesh.uvs.is_some() {
+            mark_textures(f, &mut found, material);
+        } else if material.reads_textures() {
+            let what = format!("textures of material '{}' on mesh '{}'", material.name, mesh.name);
+            push_once(&mut ignored, what, "the mesh has no TEXCOORD_0");
+        }
+        mark_material(f, &mut found, material);
+    }
+    if let Some(environment) = &scene.environment {
+        if environment.intensity > 0.0 && environment.texels.iter().any(|t| t.max_element() > 0.0) {
+            let reason = || format!("{}×{} texels", environment.width, environment.height);
+            found.mark(&mut f.environment, 20, "environment", reason);
+        } else {
+            push_once(&mut ignored, "environment".into(), "its radiance is 0 everywhere");
+        }
+    }
+    for light in &scene.punctual {
+        if light.intensity.max_element() <= 0.0 {
+            push_once(&mut ignored, format!("light '{}'", light.name), "its intensity is 0");
+            continue;
+        }
+        if options.strategy == Strategy::BsdfOnly {
+            let why = "strategy bsdf: BSDF sampling cannot find a punctual light";
+            push_once(&mut ignored, format!("light '{}'", light.name), why);
+            continue;
+        }
+        let kind = match light.kind {
+            PunctualKind::Point => "point",
+            PunctualKind::Spot { .. } => "spot",
+            PunctualKind::Directional => "directional",
+        };
+        found.mark(&mut f.punctual, 21, "punctual-lights", || format!("{kind} light '{}'", light.name));
+    }
+    if instanced {
+        found.mark(&mut f.instancing, 30, "instancing", || format!("{} placements", scene.instances.len()));
+    }
+    if options.per_length {
+        found.mark(&mut f.per_length, 31, "per-length-images", || "asked for".into());
+    }
+    if let Some(Projection::Orthographic { .. }) = scene.cameras.first().map(|c| c.projection) {
+        if f.lens {
+            f.lens = false;
+            found.reasons.remove(&0);
+            push_once(&mut ignored, "lens".into(), "an orthographic camera has no aperture");
+        }
+    }
+
+    let simulated = found.reasons.values().map(|(name, _)| name.to_string()).collect();
+    let mut found: Vec<String> = found.reasons.values().map(|(name, why)| format!("{name} ({why})")).collect();
+    found.extend(ignored.iter().map(|i: &Ignored| i.what.clone()));
+    (features, Effects { found, simulated, ignored })
+}
+
+fn push_once(ignored: &mut Vec<Ignored>, what: String, why: &str) {
+    if !ignored.iter().any(|i| i.what == what) {
+        ignored.push(Ignored { what, why: why.into() });
+    }
+}
+
+fn mark_textures(f: &mut Features, found: &mut Found, material: &Material) {
+    let reason = || format!("material '{}'", material.name);
+    if material.reads_textures() {
+        f.textures = true;
+    }
+    if material.base_color_texture.is_some() {
+        found.mark(&mut f.base_color_textures, 2, "base-colour-textures", reason);
+    }
+    if material.metallic_roughness_texture.is_some() {
+        found.mark(&mut f.metallic_roughness_textures, 3, "metallic-roughness-textures", reason);
+    }
+    if material.normal_texture.is_some() {
+        found.mark(&mut f.normal_maps, 4, "normal-maps", reason);
+    }
+    if material.emissive_texture.is_some() {
+        found.mark(&mut f.emissive_textures, 5, "emissive-textures", reason);
+    }
+}
+
+fn mark_material(f: &mut Features, found: &mut Found, material: &Material) {
+    let reason = || format!("material '{}'", material.name);
+    if material.unlit {
+        found.mark(&mut f.unlit, 10, "unlit", reason);
+        return;
+    }
+    if material.is_emissive() {
+        found.mark(&mut f.area_lights, 11, "area-lights", reason);
+    }
+    let opaque = material.transmission < 1.0 || material.metallic > 0.0;
+    if opaque {
+        if material.metallic > 0.0 {
+            found.mark(&mut f.glossy, 12, "metal", reason);
+        }
+        if material.metallic < 1.0 || material.metallic_roughness_texture.is_some() {
+            if material.specular > 0.0 {
+                f.glossy = true;
+                found.mark(&mut f.coated, 13, "dielectric-coat", reason);
+            } else {
+                let mut lambert = false;
+                found.mark(&mut lambert, 14, "lambert", reason);
+            }
+        }
+    }
+    if material.transmission > 0.0 && material.metallic < 1.0 {
+        if material.thickness > 0.0 {
+            let rough = if material.roughness > 0.0 { "rough" } else { "smooth" };
+            found.mark(&mut f.dielectric, 15, "solid-dielectric", || format!("{rough}, {}", reason()));
+            if material.attenuation_distance_m.is_finite() && material.attenuation_color != glam::Vec3::ONE {
+                found.mark(&mut f.absorption, 16, "absorption", reason);
+            }
+        } else {
+            found.mark(&mut f.thin, 17, "thin-transmission", reason);
+        }
+    }
+}
