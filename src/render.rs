@@ -2,14 +2,27 @@
 //! pool of its own, calls back between passes, and stops when the first of the limits is met.
 
 use std::ops::ControlFlow;
-use std::time::Duration;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
-use crate::backend::BackendInfo;
-use crate::error::Result;
-use crate::film::Film;
+use rayon::prelude::*;
+
+use crate::backend::{self, Backend, BackendInfo};
+use crate::camera::CameraRays;
+use crate::error::{Error, Result};
+use crate::film::filter::FilterTable;
+use crate::film::{Film, Pixel};
 use crate::plan::RenderPlan;
+use crate::sampler::{IndependentScheme, SobolScheme};
 use crate::scene::Scene;
-use crate::wavefront::Counters;
+use crate::scene::geometry::Geometry;
+use crate::shading::bsdf::albedo::SpecularAlbedo;
+use crate::shading::light::Lights;
+use crate::wavefront::queue::{self, Kind};
+use crate::wavefront::raygen::Chunk;
+use crate::wavefront::state::Wave;
+use crate::wavefront::{self, Context, Counters};
 
 pub use crate::plan::options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
@@ -66,44 +79,286 @@ pub struct Render {
     pub stop: StopReason,
 }
 
+/// Side of the square tiles that workers take, pixels.
+const TILE: u32 = 16;
+
+/// Most samples per pixel in one pass: short enough for a progress report each second on ordinary images.
+const PASS_SAMPLES: u64 = 64;
+
+/// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
+const PASS_SECONDS: f64 = 0.4;
+
 /// A scene made ready: plan, acceleration structure, light tables.
 pub struct Renderer<'a> {
     scene: &'a Scene,
+    plan: RenderPlan,
+    geometry: Geometry,
+    lights: Lights,
+    backend: Box<dyn Backend>,
+    camera: CameraRays,
+    filter: FilterTable,
+    kinds: Vec<Kind>,
+    albedo: Option<SpecularAlbedo>,
+    pool: rayon::ThreadPool,
+    build_time: Duration,
 }
 
 impl<'a> Renderer<'a> {
     /// Resolves the options against the scene and builds the backend.
     ///
     /// # Errors
-    /// [`Error::Option`](crate::Error::Option) for options out of range, [`Error::Backend`](crate::Error::Backend)
-    /// when the backend cannot be built.
-    pub fn new(scene: &'a Scene, _options: RenderOptions) -> Result<Self> {
-        Ok(Renderer { scene })
+    /// [`Error::Option`] for options out of range, [`Error::Backend`] when the backend cannot be built,
+    /// [`Error::InvalidScene`] for lights that are not finite.
+    pub fn new(scene: &'a Scene, options: RenderOptions) -> Result<Self> {
+        let start = Instant::now();
+        let mut geometry = Geometry::build(scene);
+        let plan = RenderPlan::new(scene, &geometry, &options)?;
+        let lights = Lights::build(scene, &mut geometry)?;
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(plan.threads)
+            .thread_name(|i| format!("pathspace-{i}"))
+            .build()
+            .map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
+        let backend = backend::build(plan.backend, &geometry, &plan.backend_options())?;
+        let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        Ok(Renderer {
+            scene,
+            lights,
+            backend,
+            camera,
+            filter: FilterTable::new(plan.filter),
+            kinds: scene.materials.iter().map(queue::kind_of).collect(),
+            albedo: plan.features.coated.then(SpecularAlbedo::new),
+            pool,
+            geometry,
+            plan,
+            build_time: start.elapsed(),
+        })
     }
 
     /// The resolved decisions.
     pub fn plan(&self) -> &RenderPlan {
-        let _ = self.scene;
-        unimplemented!("filled in by the integrator's branch")
+        &self.plan
     }
 
     /// The backend that traces.
     pub fn backend_info(&self) -> &BackendInfo {
-        unimplemented!("filled in by the integrator's branch")
+        self.backend.info()
     }
 
-    /// Wall time of building the acceleration structure and the light tables.
+    /// The camera that looks, with its matrices.
+    pub fn camera(&self) -> &CameraRays {
+        &self.camera
+    }
+
+    /// Wall time of flattening the scene and building the acceleration structure and the light tables.
     pub fn build_time(&self) -> Duration {
-        unimplemented!("filled in by the integrator's branch")
+        self.build_time
     }
 
-    /// Renders to the first limit that is met.
+    /// Renders to the first limit that is met; 64 samples per pixel when there is none.
     pub fn render(&self) -> Result<Render> {
         self.render_with(|_| ControlFlow::Continue(()))
     }
 
-    /// Renders, calling `progress` on this thread between passes and at least a few times a second.
-    pub fn render_with(&self, _progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
-        unimplemented!("filled in by the integrator's branch")
+    /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
+    /// finished and what there is is returned.
+    pub fn render_with(&self, mut progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+        let limits = &self.plan.limits;
+        let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
+        let spp_limit = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
+        let film = Mutex::new(Film::new(self.plan.resolution, self.plan.window));
+        let counters = Mutex::new(Counters::default());
+        let waves = Mutex::new(Vec::new());
+        let tiles = self.tiles();
+        let start = Instant::now();
+
+        let (mut done, mut relmse) = (0u64, None);
+        let mut stop = StopReason::Spp;
+        let mut last = Duration::ZERO;
+        let mut samples = 1u64;
+        while done < spp_limit {
+            samples = samples.min(spp_limit - done);
+            let pass = Pass { first_sample: done, samples, tiles: &tiles, film: &film, counters: &counters, waves: &waves };
+            let completed = self.run_pass(&pass, &mut |tiles_done, rays| {
+                let within = tiles_done as f64 / tiles.len().max(1) as f64;
+                let elapsed = start.elapsed();
+                let by_spp = (done as f64 + within * samples as f64) / spp_limit as f64;
+                let by_time = limits.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64());
+                let by_error = match (limits.error, relmse) {
+                    (Some(target), Some(r)) if r > 0.0 => target * target / r,
+                    _ => 0.0,
+                };
+                let fraction = by_spp.max(by_time).max(by_error).min(1.0);
+                progress(&Progress { elapsed, spp: done, fraction, relmse, rays })
+            });
+            if !completed {
+                stop = StopReason::Callback;
+                break;
+            }
+            done += samples;
+
+            let elapsed = start.elapsed();
+            let estimate = film.lock().expect("no worker panicked").error_estimate();
+            relmse = estimate.map(|e| e.relmse);
+            if let (Some(target), Some(r)) = (limits.error, relmse) {
+                if done >= limits.min_spp && r <= target * target {
+                    stop = StopReason::Error;
+                    break;
+                }
+            }
+            if limits.time.is_some_and(|t| elapsed >= t) {
+                stop = StopReason::Time;
+                break;
+            }
+            samples = next_pass(samples, elapsed - last, limits.time.map(|t| t.saturating_sub(elapsed)), done);
+            last = elapsed;
+        }
+
+        Ok(Render {
+            film: film.into_inner().expect("no worker panicked"),
+            counters: counters.into_inner().expect("no worker panicked"),
+            render_time: start.elapsed(),
+            stop,
+        })
     }
+
+    /// The window cut into tiles, each a list of pixels along a Morton curve (neighbours stay in one packet).
+    fn tiles(&self) -> Vec<Tile> {
+        let w = self.plan.window;
+        let mut tiles = Vec::new();
+        for ty in (0..w.height).step_by(TILE as usize) {
+            for tx in (0..w.width).step_by(TILE as usize) {
+                let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
+                for code in 0..TILE * TILE {
+                    let (x, y) = (tx + even_bits(code), ty + even_bits(code >> 1));
+                    if x < w.width && y < w.height {
+                        pixels.push((w.x + x, w.y + y));
+                    }
+                }
+                tiles.push(Tile { pixels });
+            }
+        }
+        tiles
+    }
+
+    /// Renders one pass over all tiles on the pool while this thread reports. Returns false if the callback broke off.
+    fn run_pass(&self, pass: &Pass, report: &mut dyn FnMut(usize, u64) -> ControlFlow<()>) -> bool {
+        let cancelled = AtomicBool::new(false);
+        let finished = AtomicUsize::new(0);
+        let rays = |pass: &Pass| pass.counters.lock().expect("no worker panicked").rays();
+        std::thread::scope(|scope| {
+            let worker = scope.spawn(|| {
+                self.pool.install(|| {
+                    pass.tiles.par_iter().for_each(|tile| {
+                        if !cancelled.load(Ordering::Relaxed) {
+                            self.run_tile(pass, tile);
+                            finished.fetch_add(1, Ordering::Relaxed);
+                        }
+                    });
+                })
+            });
+            let mut reported = Instant::now();
+            while !worker.is_finished() {
+                std::thread::park_timeout(Duration::from_millis(2));
+                if reported.elapsed() > Duration::from_millis(100) {
+                    reported = Instant::now();
+                    if report(finished.load(Ordering::Relaxed), rays(pass)).is_break() {
+                        cancelled.store(true, Ordering::Relaxed);
+                    }
+                }
+            }
+        });
+        let complete = finished.load(Ordering::Relaxed) == pass.tiles.len();
+        let go_on = report(finished.load(Ordering::Relaxed), rays(pass)).is_continue();
+        complete && go_on && !cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Renders one tile's samples of a pass: takes the tile's pixels from the film, continues their sums, puts them back.
+    fn run_tile(&self, pass: &Pass, tile: &Tile) {
+        let context = Context {
+            plan: &self.plan,
+            scene: self.scene,
+            geometry: &self.geometry,
+            lights: &self.lights,
+            backend: self.backend.as_ref(),
+            camera: &self.camera,
+            filter: &self.filter,
+            kinds: &self.kinds,
+            albedo: self.albedo.as_ref(),
+        };
+        let lengths = if self.plan.features.per_length { self.plan.max_depth.min(16) as usize + 1 } else { 0 };
+        let mut wave = pass
+            .waves
+            .lock()
+            .expect("no worker panicked")
+            .pop()
+            .unwrap_or_else(|| Wave::new(self.plan.wave, lengths));
+        let window = self.plan.window;
+        let place = |&(x, y): &(u32, u32)| (y - window.y) as usize * window.width as usize + (x - window.x) as usize;
+
+        let mut pixels: Vec<Pixel> = {
+            let film = pass.film.lock().expect("no worker panicked");
+            tile.pixels.iter().map(|p| film.pixels[place(p)]).collect()
+        };
+        let mut counters = Counters::default();
+        let per_chunk = (wave.capacity() / pass.samples as usize).max(1);
+        for (part, sums) in tile.pixels.chunks(per_chunk).zip(pixels.chunks_mut(per_chunk)) {
+            let chunk = Chunk { pixels: part, first_sample: pass.first_sample, samples: pass.samples as usize };
+            match self.plan.sampler {
+                SamplerKind::Sobol => wavefront::run::<SobolScheme>(&context, &chunk, &mut wave, sums, &mut counters),
+                SamplerKind::Independent => {
+                    wavefront::run::<IndependentScheme>(&context, &chunk, &mut wave, sums, &mut counters)
+                }
+            }
+        }
+        {
+            let mut film = pass.film.lock().expect("no worker panicked");
+            for (p, pixel) in tile.pixels.iter().zip(&pixels) {
+                film.pixels[place(p)] = *pixel;
+            }
+        }
+        pass.counters.lock().expect("no worker panicked").merge(&counters);
+        pass.waves.lock().expect("no worker panicked").push(wave);
+    }
+}
+
+/// Samples per pixel when no limit is given.
+pub const DEFAULT_SPP: u64 = 64;
+
+/// Pixels of one tile, full-image coordinates.
+struct Tile {
+    pixels: Vec<(u32, u32)>,
+}
+
+/// One pass: the same range of samples for every pixel.
+struct Pass<'p> {
+    first_sample: u64,
+    samples: u64,
+    tiles: &'p [Tile],
+    film: &'p Mutex<Film>,
+    counters: &'p Mutex<Counters>,
+    /// Waves not in use; a worker takes one per tile and puts it back.
+    waves: &'p Mutex<Vec<Wave>>,
+}
+
+/// Samples of the next pass: doubles until a pass takes long enough, shrinks to fit the time that is left. Always even
+/// after the first two, so that both halves of the film have the same number.
+fn next_pass(last: u64, took: Duration, left: Option<Duration>, done: u64) -> u64 {
+    if done == 1 {
+        return 1;
+    }
+    let per_sample = took.as_secs_f64() / last as f64;
+    let mut seconds = PASS_SECONDS;
+    if let Some(left) = left {
+        seconds = seconds.min(left.as_secs_f64());
+    }
+    let fitting = if per_sample > 0.0 { (seconds / per_sample) as u64 } else { u64::MAX };
+    let samples = fitting.min(2 * last).clamp(2, PASS_SAMPLES);
+    samples & !1
+}
+
+/// Bits 0, 2, 4, … of `code`, packed.
+fn even_bits(code: u32) -> u32 {
+    (0..8).fold(0, |packed, bit| packed | (((code >> (2 * bit)) & 1) << bit))
 }

@@ -1,4 +1,63 @@
-//! The wavefront: batches of paths advance one edge at a time.
+//! The wavefront: batches of paths advance one edge at a time. This page is the loop; each verb is a file.
+//!
+//! All paths of a wave have the same number of edges, so the depth, its dimension sets and its roulette are the same for
+//! all lanes. A worker owns its wave; nothing is shared but the read-only context, so the picture depends on neither
+//! threads nor tiles: a pixel's samples are added in ascending order.
+
+pub mod accumulate;
+pub mod classify;
+pub mod estimator;
+pub mod queue;
+pub mod raygen;
+pub mod shade;
+pub mod state;
+
+use glam::Vec3;
+
+use crate::backend::{Backend, Coherence};
+use crate::camera::CameraRays;
+use crate::film::Pixel;
+use crate::film::filter::FilterTable;
+use crate::plan::RenderPlan;
+use crate::sampler::Scheme;
+use crate::scene::Scene;
+use crate::scene::geometry::Geometry;
+use crate::shading::bsdf::albedo::SpecularAlbedo;
+use crate::shading::light::Lights;
+use queue::{KINDS, Kind};
+use raygen::Chunk;
+use state::{NO_MEDIUM, Wave};
+
+/// Everything the stages read; shared by all workers.
+pub struct Context<'a> {
+    /// The decisions.
+    pub plan: &'a RenderPlan,
+    /// Materials and textures.
+    pub scene: &'a Scene,
+    /// Triangles.
+    pub geometry: &'a Geometry,
+    /// Emitters.
+    pub lights: &'a Lights,
+    /// Ray queries.
+    pub backend: &'a dyn Backend,
+    /// Camera rays.
+    pub camera: &'a CameraRays,
+    /// Pixel filter.
+    pub filter: &'a FilterTable,
+    /// Kernel of each material.
+    pub kinds: &'a [Kind],
+    /// Directional albedo of dielectric coats; `None` when no material has one.
+    pub albedo: Option<&'a SpecularAlbedo>,
+}
+
+impl Context<'_> {
+    /// Whether `medium` lets nothing through to infinity.
+    fn absorbs_fully(&self, medium: u32) -> bool {
+        medium != NO_MEDIUM
+            && self.plan.features.absorption
+            && shade::transmittance(&self.scene.materials[medium as usize], f32::MAX) == Vec3::ZERO
+    }
+}
 
 /// What a render traced and met. Sums over workers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -21,6 +80,28 @@ pub struct Counters {
     pub capped_paths: u64,
 }
 
+impl Counters {
+    /// Rays of all classes.
+    pub fn rays(&self) -> u64 {
+        self.rays_camera + self.rays_bounce + self.rays_shadow
+    }
+
+    /// Adds another worker's counts. The list of non-finite samples is kept in order of pixel and sample, so that it does
+    /// not depend on which worker came first.
+    pub fn merge(&mut self, other: &Counters) {
+        self.paths += other.paths;
+        self.rays_camera += other.rays_camera;
+        self.rays_bounce += other.rays_bounce;
+        self.rays_shadow += other.rays_shadow;
+        self.invalid_rays += other.invalid_rays;
+        self.nonfinite += other.nonfinite;
+        self.capped_paths += other.capped_paths;
+        self.nonfinite_first.extend_from_slice(&other.nonfinite_first);
+        self.nonfinite_first.sort_by_key(|n| (n.sample, n.pixel.1, n.pixel.0));
+        self.nonfinite_first.truncate(accumulate::NONFINITE_LISTED);
+    }
+}
+
 /// Where a non-finite sample was met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NonFinite {
@@ -28,4 +109,46 @@ pub struct NonFinite {
     pub pixel: (u32, u32),
     /// Sample index of the pixel.
     pub sample: u64,
+}
+
+/// Renders the samples of `chunk` (which must fit the wave) into `pixels`, one per pixel of the chunk.
+pub fn run<S: Scheme>(
+    context: &Context,
+    chunk: &Chunk,
+    wave: &mut Wave,
+    pixels: &mut [Pixel],
+    counters: &mut Counters,
+) {
+    raygen::run::<S>(context, chunk, wave);
+    counters.paths += chunk.len() as u64;
+    let mut coherence = Coherence::Coherent;
+    let mut edge = 1;
+    while wave.current.len > 0 {
+        let rays = if edge == 1 { &mut counters.rays_camera } else { &mut counters.rays_bounce };
+        *rays += wave.current.len as u64;
+        let blocks = wave.current.blocks();
+        let current = &mut wave.current;
+        counters.invalid_rays += context.backend.closest_hit(&mut current.rays[..blocks], current.len, coherence);
+
+        classify::run(context, wave, edge);
+        wave.next.len = 0;
+        wave.shadows.len = 0;
+        for kind in 0..KINDS {
+            if !wave.queues[kind].is_empty() {
+                counters.capped_paths += shade::run::<S>(context, wave, kind, edge);
+            }
+        }
+
+        if wave.shadows.len > 0 {
+            counters.rays_shadow += wave.shadows.len as u64;
+            let blocks = wave.shadows.blocks();
+            let shadows = &mut wave.shadows;
+            counters.invalid_rays += context.backend.any_hit(&mut shadows.rays[..blocks], shadows.len, coherence);
+            accumulate::shadows(wave, edge + 1);
+        }
+        std::mem::swap(&mut wave.current, &mut wave.next);
+        coherence = Coherence::Incoherent;
+        edge += 1;
+    }
+    accumulate::samples(chunk, wave, pixels, counters);
 }

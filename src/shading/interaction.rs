@@ -1,0 +1,118 @@
+//! Where a ray meets a surface: the point with its error bound, the normals, the texture coordinates.
+//!
+//! The point is rebuilt from barycentrics (HARDCASES G09), never from o + t·d. Normals point to the authored front side;
+//! who shades decides on which side the viewer is.
+
+use glam::{Vec2, Vec3, Vec4};
+
+use crate::backend::batch::{Hit, INVALID_ID};
+use crate::math::float;
+use crate::scene::geometry::{Geometry, NO_ATTRIBUTES};
+
+/// A surface point as numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Interaction {
+    /// World position.
+    pub p: Vec3,
+    /// Bound of the distance between `p` and the true hit, metres.
+    pub error: f32,
+    /// Unit geometric normal of the front side.
+    pub n_g: Vec3,
+    /// Unit interpolated normal of the front side; equals `n_g` on flat surfaces.
+    pub n_s: Vec3,
+    /// Index into `Scene::materials`.
+    pub material: u32,
+    /// Light that the triangle is, or `u32::MAX`.
+    pub light: u32,
+    /// Area of the triangle, m² (world triangles).
+    pub area: f32,
+    /// Corner attributes of the triangle, or [`NO_ATTRIBUTES`].
+    attributes: u32,
+    /// Instance, for tangents.
+    inst: u32,
+    /// Barycentric weights of the second and third corner.
+    barycentric: [f32; 2],
+}
+
+impl Interaction {
+    /// Looks the hit up. `smooth` is false when no mesh of the scene has normals.
+    #[inline(always)]
+    pub fn at(geometry: &Geometry, hit: &Hit, smooth: bool) -> Self {
+        let triangle = geometry.triangle(hit.geom, hit.prim);
+        let (v0, e1, e2) = (Vec3::from(triangle.v0), Vec3::from(triangle.e1), Vec3::from(triangle.e2));
+        let mut n_g = Vec3::from(triangle.n_g);
+        let mut n_s = n_g;
+        if smooth && triangle.attributes != NO_ATTRIBUTES {
+            let [a, b, c] = geometry.normals[triangle.attributes as usize];
+            n_s = interpolate(a, b, c, hit.u, hit.v);
+        }
+        let mut p = float::hit_point(v0, e1, e2, hit.u, hit.v);
+        let error;
+        if hit.inst == INVALID_ID {
+            error = float::hit_error(v0, e1, e2, p);
+            n_s = unit_or(n_s, n_g);
+        } else {
+            let placement = &geometry.instances[hit.inst as usize];
+            error = float::hit_error_instanced(&placement.world_from_object, v0, e1, e2, p);
+            p = placement.world_from_object.transform_point3(p);
+            n_g = (placement.world_from_normal * n_g).normalize();
+            n_s = unit_or(placement.world_from_normal * n_s, n_g);
+        }
+        Interaction {
+            p,
+            error,
+            n_g,
+            n_s,
+            material: triangle.material,
+            light: triangle.light,
+            area: triangle.area,
+            attributes: triangle.attributes,
+            inst: hit.inst,
+            barycentric: [hit.u, hit.v],
+        }
+    }
+
+    /// Texture coordinates; `None` where the triangle has none.
+    #[inline(always)]
+    pub fn uv(&self, geometry: &Geometry) -> Option<Vec2> {
+        let [a, b, c] = geometry.uvs.get(self.attributes as usize)?;
+        let [u, v] = self.barycentric;
+        Some(*a * (1.0 - u - v) + *b * u + *c * v)
+    }
+
+    /// World tangent and the bitangent's sign; `None` where the triangle has none or it is degenerate.
+    #[inline(always)]
+    pub fn tangent(&self, geometry: &Geometry) -> Option<Vec4> {
+        let [a, b, c] = geometry.tangents.get(self.attributes as usize)?;
+        let mut t = interpolate(a.truncate(), b.truncate(), c.truncate(), self.barycentric[0], self.barycentric[1]);
+        let mut sign = a.w;
+        if self.inst != INVALID_ID {
+            let m = &geometry.instances[self.inst as usize].world_from_object.matrix3;
+            t = *m * t;
+            sign *= m.determinant().signum();
+        }
+        let t = (t - self.n_s * self.n_s.dot(t)).try_normalize()?;
+        Some(t.extend(sign))
+    }
+}
+
+/// Tilts `n_s` by a decoded normal-map value (x, y, z in [−1,1], already scaled). Falls back to `n_s` where the map is
+/// degenerate (HARDCASES B17).
+#[inline(always)]
+pub fn tilt(n_s: Vec3, tangent: Vec4, map: Vec3) -> Vec3 {
+    let t = tangent.truncate();
+    let b = n_s.cross(t) * tangent.w;
+    let n = t * map.x + b * map.y + n_s * map.z;
+    unit_or(n, n_s)
+}
+
+#[inline(always)]
+fn interpolate(a: Vec3, b: Vec3, c: Vec3, u: f32, v: f32) -> Vec3 {
+    a * (1.0 - u - v) + b * u + c * v
+}
+
+#[inline(always)]
+fn unit_or(v: Vec3, fallback: Vec3) -> Vec3 {
+    let length2 = v.length_squared();
+    if length2 > f32::MIN_POSITIVE && length2 < f32::INFINITY { v * (1.0 / length2.sqrt()) } else { fallback }
+}

@@ -1,0 +1,26 @@
+//! Which kernel shades a hit: one queue per kind of material, filled by `classify`, drained by `shade`. A kind that the
+//! plan does not list has an empty queue and its kernel is never called.
+
+use crate::scene::Material;
+
+/// Number of kinds.
+pub const KINDS: usize = 2;
+
+/// Kinds of kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Kind {
+    /// Untextured exact Lambert: the lean kernel.
+    Lambert = 0,
+    /// Everything else.
+    General = 1,
+}
+
+/// Kind of a material, resolved once per render.
+pub fn kind_of(material: &Material) -> Kind {
+    let lambert = material.metallic == 0.0
+        && material.specular == 0.0
+        && material.transmission == 0.0
+        && !material.reads_textures();
+    if lambert { Kind::Lambert } else { Kind::General }
+}

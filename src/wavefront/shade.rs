@@ -1,0 +1,285 @@
+//! Shading of one queue: emission, roulette, a light sample, a BSDF sample. Gathers a lane, calls pure functions of
+//! numbers, scatters survivors to the next edge and shadow rays to their batch.
+
+use glam::Vec3;
+
+use super::state::{NO_MEDIUM, PathLane, Wave};
+use super::{Context, estimator};
+use crate::backend::batch::{Hit, LANES};
+use crate::math::float;
+use crate::math::frame::Frame;
+use crate::plan::options::Roulette;
+use crate::sampler::{Scheme, dims};
+use crate::scene::{Material, TextureSlot};
+use crate::shading::bsdf::BsdfSample;
+use crate::shading::interaction::{self, Interaction};
+use crate::shading::roulette;
+use crate::shading::surface::Surface;
+use crate::texture;
+
+/// What a lane met, as numbers.
+struct Vertex {
+    /// Where.
+    at: Interaction,
+    /// Unit direction to where the path came from.
+    wo: Vec3,
+    /// Length of the last edge, metres.
+    t: f32,
+    /// Whether `wo` lies on the authored front side.
+    front: bool,
+}
+
+/// Shades every lane of queue `kind`. Returns how many paths the depth limit ended.
+pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, kind: usize, edge: u32) -> u64 {
+    let queue = std::mem::take(&mut wave.queues[kind]);
+    let mut capped = 0;
+    for &lane in &queue {
+        let (block, i) = (lane as usize / LANES, lane as usize % LANES);
+        let rays = &wave.current.rays[block];
+        let path = wave.current.paths[block].get(i);
+        let hit = Hit {
+            t: rays.ray.tfar[i],
+            u: rays.hit.u[i],
+            v: rays.hit.v[i],
+            prim: rays.hit.prim[i],
+            geom: rays.hit.geom[i],
+            inst: rays.hit.inst[i],
+        };
+        let (org, dir) = (rays.ray.org(i), rays.ray.dir(i));
+        let at = Interaction::at(context.geometry, &hit, context.plan.features.smooth_normals);
+        let front = at.n_g.dot(dir) < 0.0;
+        let vertex = Vertex { at, wo: -dir, t: hit.t, front };
+        capped += shade_lane::<S>(context, wave, path, org, &vertex, edge) as u64;
+    }
+    wave.queues[kind] = queue;
+    capped
+}
+
+/// One lane. Returns whether the depth limit ended a path that could have gone on.
+#[inline(always)]
+fn shade_lane<S: Scheme>(
+    context: &Context,
+    wave: &mut Wave,
+    mut path: PathLane,
+    org: Vec3,
+    vertex: &Vertex,
+    edge: u32,
+) -> bool {
+    let plan = context.plan;
+    let material = &context.scene.materials[vertex.at.material as usize];
+    if plan.features.absorption {
+        path.beta *= absorption(context, material, &path, vertex);
+    }
+
+    // Light that the surface gives by itself ends here or was found by the last BSDF sample.
+    if material.unlit {
+        let color = textured(context, &vertex.at, material.base_color, material.base_color_texture);
+        wave.add(path.slot, edge, path.beta * color);
+        return false;
+    }
+    if material.is_emissive() && vertex.front {
+        let weight = emission_weight(context, &path, org, vertex);
+        if weight > 0.0 {
+            let radiance = textured(context, &vertex.at, material.emissive, material.emissive_texture);
+            wave.add(path.slot, edge, path.beta * radiance * weight);
+        }
+    }
+    if edge >= plan.max_depth {
+        return true;
+    }
+
+    // A path that cannot return its cost is ended before its material is looked up.
+    let u_light = S::sample_4d(path.index, path.seed, dims::light(edge));
+    let survival = match plan.roulette {
+        Roulette::Off => 1.0,
+        Roulette::On => roulette::survival(path.beta, path.eta_scale, edge),
+        Roulette::Constant(q) => q,
+    };
+    if survival < 1.0 {
+        if u_light[3] >= survival {
+            return false;
+        }
+        path.beta /= survival;
+    }
+
+    let u_bsdf = S::sample_4d(path.index, path.seed, dims::bsdf(edge));
+    let Some((surface, frame)) = resolve(context, material, vertex, u_bsdf[3]) else { return false };
+    let wo = frame.to_local(vertex.wo);
+
+    if plan.samples_lights() && !surface.is_delta() {
+        sample_light(context, wave, &path, vertex, &surface, &frame, [u_light[0], u_light[1], u_light[2]]);
+    }
+
+    let Some((sample, frame)) = sample_bsdf(&surface, frame, wo, vertex, [u_bsdf[0], u_bsdf[1], u_bsdf[2]]) else {
+        return false;
+    };
+    let wi = frame.to_world(sample.wi);
+    let beta = path.beta * sample.weight;
+    if beta.max_element() <= 0.0 {
+        return false;
+    }
+    let transmitted = (vertex.at.n_g.dot(wi) > 0.0) != vertex.front;
+    if transmitted && material.thickness > 0.0 {
+        path.medium = if vertex.front { vertex.at.material } else { NO_MEDIUM };
+    }
+    path.beta = beta;
+    path.eta_scale *= sample.eta * sample.eta;
+    path.last_pdf_sa = sample.pdf_sa;
+    let org = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, wi);
+    wave.next.push(&path, org, wi);
+    false
+}
+
+/// Weight of the emission of an emissive triangle met by the path's last BSDF sample.
+#[inline(always)]
+fn emission_weight(context: &Context, path: &PathLane, org: Vec3, vertex: &Vertex) -> f32 {
+    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() {
+        return 1.0;
+    }
+    let cos = vertex.at.n_g.dot(vertex.wo);
+    let light_pdf =
+        context.lights.pdf_triangle(vertex.at.light, org, Vec3::ZERO, -vertex.wo, vertex.t, cos, vertex.at.area);
+    estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
+}
+
+/// The resolved BSDF and its frame. For opaque surfaces the frame's normal faces the viewer; for transmissive ones it
+/// faces the authored outside. `None` where a normal map turns the surface away from the viewer.
+#[inline(always)]
+fn resolve(context: &Context, material: &Material, vertex: &Vertex, u_material: f32) -> Option<(Surface, Frame)> {
+    let at = &vertex.at;
+    let features = &context.plan.features;
+    let (mut base_color, mut metallic, mut roughness) = (material.base_color, material.metallic, material.roughness);
+    let mut n_s = at.n_s;
+    // An interpolated normal that faces away from a viewer of this side has no meaning there: shade flat.
+    if (n_s.dot(vertex.wo) > 0.0) != vertex.front {
+        n_s = at.n_g;
+    }
+    let mut mapped = false;
+    if features.textures && material.reads_textures() {
+        if let Some(uv) = at.uv(context.geometry) {
+            let fetch = |slot: Option<TextureSlot>| {
+                slot.map(|slot| texture::lookup(&context.scene.textures[slot.texture.index()], uv))
+            };
+            if let Some(texel) = fetch(material.base_color_texture) {
+                base_color *= texel.truncate();
+            }
+            if let Some(texel) = fetch(material.metallic_roughness_texture) {
+                roughness *= texel.y;
+                metallic *= texel.z;
+            }
+            if let (Some(texel), Some(tangent)) = (fetch(material.normal_texture), at.tangent(context.geometry)) {
+                let scale = material.normal_scale;
+                let map = Vec3::new((texel.x * 2.0 - 1.0) * scale, (texel.y * 2.0 - 1.0) * scale, texel.z * 2.0 - 1.0);
+                n_s = interaction::tilt(n_s, tangent, map);
+                mapped = true;
+            }
+        }
+    }
+    let surface = Surface::from_material(material, base_color, metallic, roughness, u_material, context.albedo);
+    if !surface.is_transmissive() && !vertex.front {
+        n_s = -n_s;
+    }
+    if mapped && !surface.is_transmissive() && n_s.dot(vertex.wo) <= 0.0 {
+        return None;
+    }
+    Some((surface, Frame::from_normal(n_s)))
+}
+
+/// Draws a direction; refuses one that lies on the wrong geometric side. A delta lobe whose interpolated normal sends
+/// it there is drawn again about the geometric normal, so that smooth glass loses nothing at its silhouette.
+#[inline(always)]
+fn sample_bsdf(
+    surface: &Surface,
+    frame: Frame,
+    wo: Vec3,
+    vertex: &Vertex,
+    u: [f32; 3],
+) -> Option<(BsdfSample, Frame)> {
+    let sample = surface.sample(wo, u)?;
+    if consistent(&frame, wo, sample.wi, vertex) {
+        return Some((sample, frame));
+    }
+    if !surface.is_delta() {
+        return None;
+    }
+    let facing = if surface.is_transmissive() || vertex.front { vertex.at.n_g } else { -vertex.at.n_g };
+    let frame = Frame::from_normal(facing);
+    let wo = frame.to_local(vertex.wo);
+    let sample = surface.sample(wo, u)?;
+    consistent(&frame, wo, sample.wi, vertex).then_some((sample, frame))
+}
+
+/// Whether `wi` lies on the same side (reflection) or the other side (transmission) of both normals.
+#[inline(always)]
+fn consistent(frame: &Frame, wo: Vec3, wi: Vec3, vertex: &Vertex) -> bool {
+    let reflected = (wo.z > 0.0) == (wi.z > 0.0);
+    let same_side = (vertex.at.n_g.dot(frame.to_world(wi)) > 0.0) == vertex.front;
+    reflected == same_side
+}
+
+/// Next-event estimation: one light sample, its shadow ray into the batch.
+#[inline(always)]
+fn sample_light(
+    context: &Context,
+    wave: &mut Wave,
+    path: &PathLane,
+    vertex: &Vertex,
+    surface: &Surface,
+    frame: &Frame,
+    u: [f32; 3],
+) {
+    let facing = if vertex.front { vertex.at.n_g } else { -vertex.at.n_g };
+    let Some(light) = context.lights.sample(vertex.at.p, facing, u) else { return };
+    let wo = frame.to_local(vertex.wo);
+    let wi = frame.to_local(light.wi);
+    if !consistent(frame, wo, wi, vertex) {
+        return;
+    }
+    let scattered = surface.eval(wo, wi);
+    let weight = estimator::light_weight(context.plan.strategy, light.pdf_sa, scattered.pdf_sa, light.delta);
+    let radiance = path.beta * scattered.f_cos * light.radiance * (weight / light.pdf_sa);
+    if !(radiance.max_element() > 0.0) {
+        return;
+    }
+    let org = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, light.wi);
+    match light.target {
+        None => wave.shadows.push(path.slot, radiance, org, light.wi, f32::INFINITY),
+        Some(target) => {
+            if let Some((dir, tfar)) = float::shadow_segment(org, target.position, target.normal, target.error) {
+                wave.shadows.push(path.slot, radiance, org, dir, tfar);
+            }
+        }
+    }
+}
+
+/// A factor times its texture, where there is one.
+#[inline(always)]
+fn textured(context: &Context, at: &Interaction, factor: Vec3, slot: Option<TextureSlot>) -> Vec3 {
+    match (slot, at.uv(context.geometry)) {
+        (Some(slot), Some(uv)) => {
+            factor * texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
+        }
+        _ => factor,
+    }
+}
+
+/// Beer–Lambert over the last edge: through the medium the path carries, or, when the camera started inside a solid,
+/// through the solid whose inside was hit.
+#[inline(always)]
+fn absorption(context: &Context, material: &Material, path: &PathLane, vertex: &Vertex) -> Vec3 {
+    let inside = if path.medium != NO_MEDIUM {
+        &context.scene.materials[path.medium as usize]
+    } else if !vertex.front && material.transmission > 0.0 && material.thickness > 0.0 {
+        material
+    } else {
+        return Vec3::ONE;
+    };
+    transmittance(inside, vertex.t)
+}
+
+/// Fraction of light left after `distance_m` inside a solid of this material.
+pub(super) fn transmittance(material: &Material, distance_m: f32) -> Vec3 {
+    let exponent = distance_m / material.attenuation_distance_m;
+    let c = material.attenuation_color;
+    if exponent == 0.0 { Vec3::ONE } else { Vec3::new(c.x.powf(exponent), c.y.powf(exponent), c.z.powf(exponent)) }
+}

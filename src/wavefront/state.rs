@@ -1,0 +1,239 @@
+//! The columns of one wave: paths in flight, their rays, their shadow rays, and what the camera samples have gathered.
+//!
+//! Blocks of 16 lanes everywhere, so that the ray columns are Embree's packets as they stand. A path keeps its `slot`
+//! (its camera sample) for life; its position among the lanes changes as ended paths are squeezed out.
+
+use glam::Vec3;
+
+use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
+
+/// No solid dielectric around a path.
+pub const NO_MEDIUM: u32 = u32::MAX;
+
+/// What a path carries besides its ray, 16 lanes.
+#[repr(C, align(64))]
+#[derive(Clone, Copy)]
+pub struct PathBlock {
+    /// Throughput f/p so far, by channel.
+    pub beta: [[f32; LANES]; 3],
+    /// Product of η² over the refractions so far; roulette takes it out of the throughput.
+    pub eta_scale: [f32; LANES],
+    /// Pdf (sr⁻¹) with which the last BSDF sample chose `ray.dir`; read by emission MIS. Infinite after a mirror and on
+    /// camera rays.
+    pub last_pdf_sa: [f32; LANES],
+    /// Camera sample of this path within the wave.
+    pub slot: [u32; LANES],
+    /// Low word of the sampler's pixel seed.
+    pub seed_lo: [u32; LANES],
+    /// High word of the sampler's pixel seed.
+    pub seed_hi: [u32; LANES],
+    /// Sample index within the pixel's half.
+    pub index: [u32; LANES],
+    /// Material of the solid dielectric that the ray runs in, or [`NO_MEDIUM`]; read by absorption.
+    pub medium: [u32; LANES],
+}
+
+/// One path as plain numbers.
+#[derive(Clone, Copy)]
+pub struct PathLane {
+    /// See [`PathBlock::beta`].
+    pub beta: Vec3,
+    /// See [`PathBlock::eta_scale`].
+    pub eta_scale: f32,
+    /// See [`PathBlock::last_pdf_sa`].
+    pub last_pdf_sa: f32,
+    /// See [`PathBlock::slot`].
+    pub slot: u32,
+    /// Both words of the pixel seed.
+    pub seed: [u32; 2],
+    /// See [`PathBlock::index`].
+    pub index: u32,
+    /// See [`PathBlock::medium`].
+    pub medium: u32,
+}
+
+impl PathBlock {
+    /// Sixteen paths of nothing.
+    pub const EMPTY: PathBlock = PathBlock {
+        beta: [[0.0; LANES]; 3],
+        eta_scale: [1.0; LANES],
+        last_pdf_sa: [0.0; LANES],
+        slot: [0; LANES],
+        seed_lo: [0; LANES],
+        seed_hi: [0; LANES],
+        index: [0; LANES],
+        medium: [NO_MEDIUM; LANES],
+    };
+
+    /// Gathers one lane.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> PathLane {
+        PathLane {
+            beta: Vec3::new(self.beta[0][lane], self.beta[1][lane], self.beta[2][lane]),
+            eta_scale: self.eta_scale[lane],
+            last_pdf_sa: self.last_pdf_sa[lane],
+            slot: self.slot[lane],
+            seed: [self.seed_lo[lane], self.seed_hi[lane]],
+            index: self.index[lane],
+            medium: self.medium[lane],
+        }
+    }
+
+    /// Scatters one lane.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, path: &PathLane) {
+        for c in 0..3 {
+            self.beta[c][lane] = path.beta[c];
+        }
+        self.eta_scale[lane] = path.eta_scale;
+        self.last_pdf_sa[lane] = path.last_pdf_sa;
+        self.slot[lane] = path.slot;
+        self.seed_lo[lane] = path.seed[0];
+        self.seed_hi[lane] = path.seed[1];
+        self.index[lane] = path.index;
+        self.medium[lane] = path.medium;
+    }
+}
+
+/// What an unblocked shadow ray adds, 16 lanes.
+#[repr(C, align(64))]
+#[derive(Clone, Copy)]
+pub struct ShadowBlock {
+    /// Radiance to add, by channel.
+    pub radiance: [[f32; LANES]; 3],
+    /// Camera sample it belongs to.
+    pub slot: [u32; LANES],
+}
+
+impl ShadowBlock {
+    const EMPTY: ShadowBlock = ShadowBlock { radiance: [[0.0; LANES]; 3], slot: [0; LANES] };
+}
+
+/// Paths with their rays, in lanes `0..len`.
+pub struct Paths {
+    /// Rays and, after tracing, hits.
+    pub rays: Vec<RayHitBlock>,
+    /// The rest of the path state.
+    pub paths: Vec<PathBlock>,
+    /// Lanes in use.
+    pub len: usize,
+}
+
+impl Paths {
+    fn new(capacity: usize) -> Self {
+        let blocks = capacity.div_ceil(LANES);
+        Paths { rays: vec![RayHitBlock::EMPTY; blocks], paths: vec![PathBlock::EMPTY; blocks], len: 0 }
+    }
+
+    /// Appends a path and its ray.
+    #[inline(always)]
+    pub fn push(&mut self, path: &PathLane, org: Vec3, dir: Vec3) {
+        let (block, lane) = (self.len / LANES, self.len % LANES);
+        self.rays[block].ray.set(lane, org, dir, f32::INFINITY);
+        self.paths[block].set(lane, path);
+        self.len += 1;
+    }
+
+    /// Blocks in use.
+    pub fn blocks(&self) -> usize {
+        self.len.div_ceil(LANES)
+    }
+}
+
+/// Shadow rays with what they carry, in lanes `0..len`.
+pub struct Shadows {
+    /// The rays.
+    pub rays: Vec<RayBlock>,
+    /// What they add if unblocked.
+    pub carried: Vec<ShadowBlock>,
+    /// Lanes in use.
+    pub len: usize,
+}
+
+impl Shadows {
+    /// Appends a shadow ray.
+    #[inline(always)]
+    pub fn push(&mut self, slot: u32, radiance: Vec3, org: Vec3, dir: Vec3, tfar: f32) {
+        let (block, lane) = (self.len / LANES, self.len % LANES);
+        self.rays[block].set(lane, org, dir, tfar);
+        let carried = &mut self.carried[block];
+        for c in 0..3 {
+            carried.radiance[c][lane] = radiance[c];
+        }
+        carried.slot[lane] = slot;
+        self.len += 1;
+    }
+
+    /// Blocks in use.
+    pub fn blocks(&self) -> usize {
+        self.len.div_ceil(LANES)
+    }
+}
+
+/// What one camera sample has gathered.
+#[derive(Clone, Copy, Default)]
+pub struct Gathered {
+    /// Radiance, by channel.
+    pub radiance: [f32; 3],
+    /// 1 where the camera ray met a surface or a visible environment.
+    pub coverage: f32,
+    /// Signed weight of the pixel filter.
+    pub weight: f32,
+}
+
+/// Everything one worker advances together. Allocated once a worker, never grown.
+pub struct Wave {
+    /// Paths of this edge.
+    pub current: Paths,
+    /// Survivors, for the next edge.
+    pub next: Paths,
+    /// Shadow rays of this edge.
+    pub shadows: Shadows,
+    /// Lanes of `current` that hit a surface to be shaded, by kind of material.
+    pub queues: [Vec<u32>; super::queue::KINDS],
+    /// One entry a camera sample.
+    pub gathered: Vec<Gathered>,
+    /// Radiance by number of edges and camera sample (`edge·samples + slot`); empty unless asked for.
+    pub per_length: Vec<[f32; 3]>,
+}
+
+impl Wave {
+    /// Columns for `capacity` paths; `lengths` accumulators per sample (0 for none).
+    pub fn new(capacity: usize, lengths: usize) -> Self {
+        let blocks = capacity.div_ceil(LANES);
+        Wave {
+            current: Paths::new(capacity),
+            next: Paths::new(capacity),
+            shadows: Shadows {
+                rays: vec![RayBlock::EMPTY; blocks],
+                carried: vec![ShadowBlock::EMPTY; blocks],
+                len: 0,
+            },
+            queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
+            gathered: vec![Gathered::default(); capacity],
+            per_length: vec![[0.0; 3]; capacity * lengths],
+        }
+    }
+
+    /// Paths that fit.
+    pub fn capacity(&self) -> usize {
+        self.gathered.len()
+    }
+
+    /// Adds radiance to a camera sample, and to the image of paths with `edge` edges if those are kept.
+    #[inline(always)]
+    pub fn add(&mut self, slot: u32, edge: u32, radiance: Vec3) {
+        let sum = &mut self.gathered[slot as usize].radiance;
+        for c in 0..3 {
+            sum[c] += radiance[c];
+        }
+        if !self.per_length.is_empty() {
+            let samples = self.gathered.len();
+            let last = self.per_length.len() / samples - 1;
+            let term = &mut self.per_length[(edge as usize).min(last) * samples + slot as usize];
+            for c in 0..3 {
+                term[c] += radiance[c];
+            }
+        }
+    }
+}
