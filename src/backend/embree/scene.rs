@@ -1,0 +1,269 @@
+//! Embree scenes from the flattened geometry. The world mesh is attached to the top scene with geometry id 0; every other
+//! mesh that something places has a scene of its own, with its mesh index as geometry id; instance `i` is attached to the top scene as
+//! `i + 1`. Vertices and indices are copied into Embree's buffers, which it pads for its 16-byte reads.
+//!
+//! Refused: indices past the vertices, transforms that are not finite or cannot be inverted within the range of `f32`.
+
+use std::ptr;
+use std::sync::Arc;
+
+use glam::Affine3A;
+
+use super::abi::sys;
+use super::device::{Device, failure};
+use crate::Result;
+use crate::backend::batch::{INVALID_ID, LANES, MAX_COORDINATE, RayBlock, RayHitBlock, valid_lanes};
+use crate::scene::geometry::{Geometry, Placement, TriangleMesh};
+
+/// Geometry id of instance 0 in the top scene; 0 is the world mesh.
+const FIRST_INSTANCE: u32 = 1;
+
+/// Everything that rays are traced against.
+pub(super) struct World {
+    top: Scene,
+    /// Scenes of the instanced meshes, by mesh; kept until the top scene, which comes before them, is gone.
+    _meshes: Vec<Option<Scene>>,
+    /// Largest coordinate of an origin that is traced: [`MAX_COORDINATE`], or less where an instance's transform would
+    /// carry a ray beyond what Embree accepts.
+    max_coordinate: f32,
+    /// Whether hits name instances.
+    instanced: bool,
+    /// Bytes that committing allocated.
+    pub(super) bvh_bytes: u64,
+    /// Triangles held, instanced ones once.
+    pub(super) triangles: u64,
+}
+
+impl World {
+    /// Builds all scenes on `device`.
+    pub(super) fn build(device: &Arc<Device>, geometry: &Geometry, robust: bool) -> Result<Self> {
+        let (mut bvh_bytes, mut triangles) = (0, 0);
+        let mut placed = vec![false; geometry.meshes.len()];
+        for placement in &geometry.instances {
+            *placed
+                .get_mut(placement.mesh as usize)
+                .ok_or_else(|| failure("an instance of a mesh that is not there"))? = true;
+        }
+
+        // One scene for each mesh that something places.
+        let mut meshes: Vec<Option<Scene>> = Vec::with_capacity(placed.len());
+        for (index, (mesh, placed)) in geometry.meshes.iter().zip(placed).enumerate() {
+            meshes.push(if placed && !mesh.indices.is_empty() {
+                let mut scene = Scene::new(device, robust)?;
+                scene.attach(&triangle_geometry(device, mesh)?, index as u32)?;
+                bvh_bytes += scene.commit()?;
+                triangles += mesh.indices.len() as u64;
+                Some(scene)
+            } else {
+                None
+            });
+        }
+
+        // The top scene: the world mesh and the placements.
+        let mut top = Scene::new(device, robust)?;
+        if let Some(mesh) = geometry.meshes.first().filter(|mesh| !mesh.indices.is_empty()) {
+            top.attach(&triangle_geometry(device, mesh)?, 0)?;
+            triangles += if meshes[0].is_none() { mesh.indices.len() as u64 } else { 0 };
+        }
+        let mut max_coordinate = MAX_COORDINATE;
+        for (index, placement) in geometry.instances.iter().enumerate() {
+            if let Some(scene) = &meshes[placement.mesh as usize] {
+                max_coordinate = max_coordinate.min(reach(placement)?);
+                top.attach(&instance_geometry(device, scene, placement)?, FIRST_INSTANCE + index as u32)?;
+            }
+        }
+        bvh_bytes += top.commit()?;
+        let instanced = !geometry.instances.is_empty();
+        Ok(World { top, _meshes: meshes, max_coordinate, instanced, bvh_bytes, triangles })
+    }
+
+    /// The committed top scene, alive as long as `self`.
+    #[inline(always)]
+    pub(super) fn raw(&self) -> sys::RTCScene {
+        self.top.raw
+    }
+
+    /// The lanes among the first `lanes` whose ray Embree can take, in the world and inside every instance.
+    #[inline(always)]
+    pub(super) fn valid_lanes(&self, ray: &RayBlock, lanes: usize) -> u16 {
+        let valid = valid_lanes(ray, lanes);
+        if self.max_coordinate < MAX_COORDINATE { valid & self.within_reach(ray) } else { valid }
+    }
+
+    /// The lanes whose origin stays in range under every instance's transform.
+    fn within_reach(&self, ray: &RayBlock) -> u16 {
+        let mut mask = 0;
+        for lane in 0..LANES {
+            let reached = ray.org(lane).abs().max_element() <= self.max_coordinate;
+            mask |= u16::from(reached) << lane;
+        }
+        mask
+    }
+
+    /// Turns the top scene's geometry ids in the instance column into indices of `Geometry::instances`.
+    #[inline(always)]
+    pub(super) fn name_instances(&self, block: &mut RayHitBlock) {
+        if self.instanced {
+            for inst in &mut block.hit.inst {
+                *inst = if *inst == INVALID_ID { INVALID_ID } else { *inst - FIRST_INSTANCE };
+            }
+        }
+    }
+}
+
+/// A scene; traced only after [`commit`](Scene::commit).
+struct Scene {
+    raw: sys::RTCScene,
+    device: Arc<Device>,
+}
+
+// SAFETY: a committed scene may be traced from any thread (Embree's documentation of rtcCommitScene); after `World::build`
+// no call changes it, and it is released by its one owner.
+unsafe impl Send for Scene {}
+// SAFETY: as above.
+unsafe impl Sync for Scene {}
+
+impl Scene {
+    fn new(device: &Arc<Device>, robust: bool) -> Result<Self> {
+        // SAFETY: the device is alive.
+        let raw = unsafe { sys::rtcNewScene(device.raw()) };
+        if raw.is_null() {
+            device.check("creating a scene")?;
+            return Err(failure("cannot create a scene"));
+        }
+        let scene = Scene { raw, device: device.clone() };
+        let flags = match robust {
+            true => sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST,
+            false => sys::RTCSceneFlags::RTC_SCENE_FLAG_NONE,
+        };
+        // SAFETY: the scene is alive and not committed yet.
+        unsafe { sys::rtcSetSceneFlags(scene.raw, flags) };
+        // SAFETY: as above. HIGH would build the same tree in a robust scene, and no faster one otherwise (measured).
+        unsafe { sys::rtcSetSceneBuildQuality(scene.raw, sys::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM) };
+        device.check("creating a scene")?;
+        Ok(scene)
+    }
+
+    /// Adds a geometry; the scene takes a reference of its own.
+    fn attach(&mut self, geometry: &GeometryHandle, id: u32) -> Result<()> {
+        // SAFETY: both are alive, the geometry is committed, and ids are used once in a scene.
+        unsafe { sys::rtcAttachGeometryByID(self.raw, geometry.raw, id) };
+        self.device.check("attaching a geometry")
+    }
+
+    /// Builds the hierarchy and returns the bytes that it takes.
+    fn commit(&mut self) -> Result<u64> {
+        let before = self.device.bytes();
+        // SAFETY: the scene is alive and nobody else has it yet.
+        unsafe { sys::rtcCommitScene(self.raw) };
+        self.device.check("building the hierarchy")?;
+        Ok(u64::try_from(self.device.bytes() - before).unwrap_or(0))
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        // SAFETY: created by rtcNewScene, released once; the device is still alive.
+        unsafe { sys::rtcReleaseScene(self.raw) };
+    }
+}
+
+/// A geometry before it is attached.
+struct GeometryHandle {
+    raw: sys::RTCGeometry,
+}
+
+impl GeometryHandle {
+    fn new(device: &Device, kind: sys::RTCGeometryType) -> Result<Self> {
+        // SAFETY: the device is alive.
+        let raw = unsafe { sys::rtcNewGeometry(device.raw(), kind) };
+        if raw.is_null() {
+            device.check("creating a geometry")?;
+            return Err(failure("cannot create a geometry"));
+        }
+        // All bits, said aloud: Embree 4 starts with bit 0 alone, Embree 3 with all.
+        // SAFETY: the geometry is alive.
+        unsafe { sys::rtcSetGeometryMask(raw, u32::MAX) };
+        Ok(GeometryHandle { raw })
+    }
+
+    /// Copies `items` into a new buffer of the geometry.
+    fn upload<T: bytemuck::Pod>(
+        &self,
+        device: &Device,
+        kind: sys::RTCBufferType,
+        format: sys::RTCFormat,
+        items: &[T],
+    ) -> Result<()> {
+        // SAFETY: the geometry is alive; Embree allocates `items.len()` items of the stride given, padded for vertices.
+        let buffer = unsafe { sys::rtcSetNewGeometryBuffer(self.raw, kind, 0, format, size_of::<T>(), items.len()) };
+        device.check("allocating a buffer")?;
+        if buffer.is_null() {
+            return Err(failure("allocating a buffer: no memory"));
+        }
+        // SAFETY: `buffer` is a fresh allocation of at least as many bytes as `items` has.
+        unsafe { ptr::copy_nonoverlapping(items.as_ptr().cast::<u8>(), buffer.cast::<u8>(), size_of_val(items)) };
+        Ok(())
+    }
+
+    fn commit(&self, device: &Device) -> Result<()> {
+        // SAFETY: the geometry is alive and complete.
+        unsafe { sys::rtcCommitGeometry(self.raw) };
+        device.check("committing a geometry")
+    }
+}
+
+impl Drop for GeometryHandle {
+    fn drop(&mut self) {
+        // SAFETY: created by rtcNewGeometry, released once; scenes that hold it have references of their own.
+        unsafe { sys::rtcReleaseGeometry(self.raw) };
+    }
+}
+
+/// A triangle mesh, committed.
+fn triangle_geometry(device: &Device, mesh: &TriangleMesh) -> Result<GeometryHandle> {
+    // Embree reads vertices by index without asking.
+    let vertices = mesh.vertices.len();
+    if mesh.indices.iter().flatten().any(|&index| index as usize >= vertices) {
+        return Err(failure(format!("a vertex index is not below {vertices}, the number of vertices")));
+    }
+    let geometry = GeometryHandle::new(device, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE)?;
+    let (vertex, index) = (sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCBufferType::RTC_BUFFER_TYPE_INDEX);
+    geometry.upload(device, vertex, sys::RTCFormat::RTC_FORMAT_FLOAT3, &mesh.vertices)?;
+    geometry.upload(device, index, sys::RTCFormat::RTC_FORMAT_UINT3, &mesh.indices)?;
+    geometry.commit(device)?;
+    Ok(geometry)
+}
+
+/// A placement of a committed scene, committed.
+fn instance_geometry(device: &Device, scene: &Scene, placement: &Placement) -> Result<GeometryHandle> {
+    let geometry = GeometryHandle::new(device, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)?;
+    // SAFETY: both are alive; the geometry takes a reference of the scene.
+    unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw, scene.raw) };
+    // SAFETY: the geometry is alive.
+    unsafe { sys::rtcSetGeometryTimeStepCount(geometry.raw, 1) };
+    let columns: [f32; 12] = placement.world_from_object.to_cols_array();
+    let format = sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR;
+    // SAFETY: twelve floats, three for each of four columns, copied during the call.
+    unsafe { sys::rtcSetGeometryTransform(geometry.raw, 0, format, columns.as_ptr().cast()) };
+    geometry.commit(device)?;
+    Ok(geometry)
+}
+
+/// The largest origin coordinate that an instance takes: Embree asserts the range (1.844·10¹⁸) again in object space.
+fn reach(placement: &Placement) -> Result<f32> {
+    // A tenth is left for Embree's own inverse, which is computed in f32.
+    const OBJECT_LIMIT: f32 = 0.9 * 1.8e18;
+    let (there, back) = (&placement.world_from_object, &placement.object_from_world);
+    let finite = |affine: &Affine3A| affine.to_cols_array().into_iter().all(f32::is_finite);
+    let columns = [back.matrix3.x_axis, back.matrix3.y_axis, back.matrix3.z_axis].map(|axis| axis.abs());
+    // No coordinate grows by more than the largest sum over a row. A zero here means that there is no way back.
+    let stretch = (columns[0] + columns[1] + columns[2]).max_element();
+    let limit = (OBJECT_LIMIT - back.translation.abs().max_element()) / stretch;
+    // Directions are shorter than 2 and must stay in range, too.
+    if finite(there) && finite(back) && limit > 2.0 && limit.is_finite() {
+        Ok(limit)
+    } else {
+        Err(failure("an instance's transform is not finite or cannot be inverted"))
+    }
+}
