@@ -1,27 +1,188 @@
-//! Every ray against every triangle: the oracle (filled in by its owner).
+//! Every ray against every triangle: the oracle that the other backends are held against. Exact in what it visits, slow
+//! by design, always compiled.
+//!
+//! Tie rule, shared with `obvhs`: at equal `t` the lowest (instance, mesh, triangle) wins, and triangles of the world
+//! mesh come before instances. Triangles without area are never reported. `ng` of the hit is left 0.
 
-use super::batch::{RayBlock, RayHitBlock};
-use super::{Backend, BackendInfo, Coherence};
-use crate::scene::geometry::Geometry;
+use glam::Vec3;
+
+use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
+use super::triangle::{Closest, Rank, Ray, RayShear, TriangleHit, is_degenerate};
+use super::{Backend, BackendInfo, BackendKind, Coherence, QueryMode};
+use crate::scene::geometry::{Geometry, Placement};
+
+/// One triangle of a mesh.
+struct Face {
+    vertices: [Vec3; 3],
+    prim: u32,
+}
 
 /// The oracle.
-pub struct Brute;
+pub struct Brute {
+    info: BackendInfo,
+    meshes: Vec<Vec<Face>>,
+    instances: Vec<Placement>,
+}
 
 impl Brute {
-    /// Copies what it needs of the geometry.
-    pub fn build(_geometry: &Geometry) -> Self {
-        Brute
+    /// Copies the triangles that have an area. Indices out of range drop their triangle.
+    pub fn build(geometry: &Geometry) -> Self {
+        let meshes: Vec<Vec<Face>> = geometry
+            .meshes
+            .iter()
+            .map(|mesh| {
+                let corner = |i: u32| mesh.vertices.get(i as usize).copied().unwrap_or(Vec3::NAN);
+                (0u32..)
+                    .zip(&mesh.indices)
+                    .map(|(prim, triangle)| Face { vertices: triangle.map(corner), prim })
+                    .filter(|face| !is_degenerate(&face.vertices))
+                    .collect()
+            })
+            .collect();
+        let triangles = meshes.iter().map(|m| m.len() as u64).sum();
+        let single = QueryMode::Single.name();
+        let info = BackendInfo {
+            kind: BackendKind::Brute,
+            version: env!("CARGO_PKG_VERSION").into(),
+            isa: std::env::consts::ARCH.into(),
+            rays_incoherent: single,
+            rays_coherent: single,
+            rays_shadow: single,
+            bvh_bytes: triangles * size_of::<Face>() as u64,
+            triangles,
+        };
+        Brute { info, meshes, instances: geometry.instances.clone() }
+    }
+
+    /// Calls `found` with every triangle that the segment meets until it returns false.
+    fn each_hit(&self, ray: Ray, mut found: impl FnMut(TriangleHit, Rank) -> bool) {
+        let mut visit = |ray: Ray, mesh: u32, inst: u32| {
+            let shear = RayShear::new(&ray);
+            let faces = self.meshes.get(mesh as usize).map_or(&[][..], |m| m);
+            faces.iter().all(|face| match shear.intersect(&face.vertices, ray.tnear, ray.tfar) {
+                Some(hit) => found(hit, (inst.wrapping_add(1), mesh, face.prim)),
+                None => true,
+            })
+        };
+        if !visit(ray, 0, INVALID_ID) {
+            return;
+        }
+        for (inst, placement) in (0u32..).zip(&self.instances) {
+            if let Some(object_ray) = ray.to_object(placement)
+                && !visit(object_ray, placement.mesh, inst)
+            {
+                return;
+            }
+        }
     }
 }
 
 impl Backend for Brute {
     fn info(&self) -> &BackendInfo {
-        unimplemented!("filled in by its owner")
+        &self.info
     }
-    fn closest_hit(&self, _blocks: &mut [RayHitBlock], _len: usize, _hint: Coherence) -> u64 {
-        unimplemented!("filled in by its owner")
+
+    fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {
+        let mut invalid = 0;
+        for (block, lanes) in blocks.iter_mut().zip(lane_counts(len)) {
+            block.clear_hits();
+            let valid = valid_lanes(&block.ray, lanes);
+            invalid += u64::from(lanes as u32 - valid.count_ones());
+            for lane in (0..lanes).filter(|lane| valid >> lane & 1 == 1) {
+                let ray = Ray::of_lane(&block.ray, lane);
+                let mut closest = Closest::none(ray.tfar);
+                self.each_hit(ray, |hit, rank| {
+                    closest.offer(hit, rank);
+                    true
+                });
+                closest.store(block, lane);
+            }
+        }
+        invalid
     }
-    fn any_hit(&self, _blocks: &mut [RayBlock], _len: usize, _hint: Coherence) -> u64 {
-        unimplemented!("filled in by its owner")
+
+    fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
+        let mut invalid = 0;
+        for (block, lanes) in blocks.iter_mut().zip(lane_counts(len)) {
+            let valid = valid_lanes(block, lanes);
+            invalid += u64::from(lanes as u32 - valid.count_ones());
+            for lane in (0..lanes).filter(|lane| valid >> lane & 1 == 1) {
+                let mut blocked = false;
+                self.each_hit(Ray::of_lane(block, lane), |_, _| {
+                    blocked = true;
+                    false
+                });
+                if blocked {
+                    block.tfar[lane] = BLOCKED;
+                }
+            }
+        }
+        invalid
+    }
+}
+
+/// How many lanes of each block belong to a batch of `len` rays; ends with the batch.
+fn lane_counts(len: usize) -> impl Iterator<Item = usize> {
+    (0..len).step_by(LANES).map(move |first| (len - first).min(LANES))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::geometry::TriangleMesh;
+    use glam::{Affine3A, Mat3A};
+
+    fn triangle_at(z: f32) -> TriangleMesh {
+        let vertices = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * z).to_vec();
+        TriangleMesh { vertices, indices: vec![[0, 1, 2]; 2], first_triangle: 0 }
+    }
+
+    fn closest(brute: &Brute, org: Vec3, dir: Vec3) -> Option<super::super::batch::Hit> {
+        let mut block = RayHitBlock::EMPTY;
+        block.ray.set(0, org, dir, f32::INFINITY);
+        assert_eq!(brute.closest_hit(std::slice::from_mut(&mut block), 1, Coherence::Incoherent), 0);
+        block.hit(0)
+    }
+
+    /// Oracle: the tie rule. Two copies of a triangle in the world and two instances of them coincide: the world's first wins;
+    /// without the world's, the first instance's first.
+    #[test]
+    fn lowest_id_wins_at_equal_distance() {
+        let place = Placement {
+            mesh: 1,
+            world_from_object: Affine3A::IDENTITY,
+            object_from_world: Affine3A::IDENTITY,
+            world_from_normal: Mat3A::IDENTITY,
+        };
+        let mut geometry = Geometry {
+            meshes: vec![triangle_at(0.0), triangle_at(0.0)],
+            instances: vec![place; 2],
+            ..Geometry::default()
+        };
+        let org = Vec3::new(0.25, 0.25, 1.0);
+        let hit = closest(&Brute::build(&geometry), org, Vec3::NEG_Z).unwrap();
+        assert_eq!((hit.inst, hit.geom, hit.prim), (INVALID_ID, 0, 0));
+        geometry.meshes[0] = TriangleMesh::default();
+        let hit = closest(&Brute::build(&geometry), org, Vec3::NEG_Z).unwrap();
+        assert_eq!((hit.inst, hit.geom, hit.prim), (0, 1, 0));
+    }
+
+    /// Oracle: the direction is not renormalised, so an instance scaled by 4 at z = −8 is hit at world distance 9.
+    #[test]
+    fn distances_of_instances_are_world_distances() {
+        let world = Affine3A::from_scale_rotation_translation(Vec3::splat(4.0), glam::Quat::IDENTITY, Vec3::Z * -8.0);
+        let place = Placement {
+            mesh: 1,
+            world_from_object: world,
+            object_from_world: world.inverse(),
+            world_from_normal: Mat3A::IDENTITY,
+        };
+        let geometry = Geometry {
+            meshes: vec![TriangleMesh::default(), triangle_at(0.0)],
+            instances: vec![place],
+            ..Geometry::default()
+        };
+        let hit = closest(&Brute::build(&geometry), Vec3::new(1.0, 2.0, 1.0), Vec3::NEG_Z).unwrap();
+        assert_eq!((hit.t, hit.u, hit.v, hit.inst), (9.0, 0.25, 0.5, 0));
     }
 }

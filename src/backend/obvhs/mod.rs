@@ -1,0 +1,212 @@
+//! Rays through an eight-wide hierarchy that the `obvhs` crate's builder starts and our own code folds and walks; leaves are
+//! tested by our watertight test. No C library, no `unsafe`.
+
+mod mesh;
+mod tree;
+mod wide;
+
+use std::ops::ControlFlow;
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
+use super::triangle::{Closest, Ray};
+use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
+use crate::error::{Error, Result};
+use crate::scene::geometry::{Geometry, Placement};
+use mesh::MeshBvh;
+use tree::{Bounds, LEAF_SIZE, Tree};
+use wide::{BoxRay, EMPTY_STACK, SLACK, Stack, Wide};
+
+/// Version of the crate behind the builder; a test holds it against Cargo.lock.
+const CRATE_VERSION: &str = "0.4.0";
+
+/// The backend.
+pub struct Obvhs {
+    info: BackendInfo,
+    meshes: Vec<MeshBvh>,
+    instances: Vec<Placement>,
+    /// Hierarchy over the instances.
+    top: Wide,
+    /// Its leaves: instances, [`INVALID_ID`] where there are fewer than four.
+    top_leaves: Vec<[u32; LEAF_SIZE]>,
+}
+
+/// Stacks of one call, for all its rays: an instance is walked while the top level waits.
+struct Scratch {
+    top: Stack,
+    mesh: Stack,
+}
+
+impl Obvhs {
+    /// Builds one hierarchy per mesh and one over the instances.
+    ///
+    /// # Errors
+    /// [`Error::Backend`] if the build threads cannot be started.
+    pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
+        let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(options.build_threads)
+            .build()
+            .map_err(|e| Error::Backend { backend: "obvhs", problem: format!("cannot start build threads: {e}") })?;
+        // Only the world mesh lies in the scene's space; the others know no extent but their own.
+        let meshes: Vec<MeshBvh> = pool.install(|| {
+            let diagonal = |mesh: usize| if mesh == 0 { scene.diagonal() } else { 0.0 };
+            geometry.meshes.par_iter().enumerate().map(|(i, mesh)| MeshBvh::build(mesh, diagonal(i))).collect()
+        });
+
+        // Instances of empty meshes cannot be hit and would have no box.
+        let world_reach = reach_of(scene);
+        let (mut placed, mut boxes) = (Vec::new(), Vec::new());
+        for (i, placement) in (0u32..).zip(&geometry.instances) {
+            let Some(mesh) = meshes.get(placement.mesh as usize) else { continue };
+            if !mesh.bounds.is_empty() {
+                placed.push(i);
+                boxes.push(instance_bounds(placement, mesh.bounds, world_reach));
+            }
+        }
+        let items = || (0..boxes.len() as u32).collect();
+        let fold = |tree: &Tree| {
+            let mut leaves = Vec::new();
+            let wide = Wide::fold(tree, |members| {
+                let mut leaf = [INVALID_ID; LEAF_SIZE];
+                for (slot, &item) in leaf.iter_mut().zip(members) {
+                    *slot = placed[item as usize];
+                }
+                leaves.push(leaf);
+                leaves.len() as u32 - 1
+            });
+            wide.map(|wide| (wide, leaves))
+        };
+        let (top, top_leaves) = fold(&Tree::build(&boxes, items()))
+            .or_else(|| fold(&Tree::by_median(&boxes, items())))
+            .expect("median splits of 2^31 boxes are 31 levels deep, fewer than the stack allows");
+
+        let single = QueryMode::Single.name();
+        let info = BackendInfo {
+            kind: BackendKind::Obvhs,
+            version: CRATE_VERSION.into(),
+            isa: compiled_isa().into(),
+            rays_incoherent: single,
+            rays_coherent: single,
+            rays_shadow: single,
+            bvh_bytes: meshes.iter().map(MeshBvh::bytes).sum::<u64>() + top.bytes(),
+            triangles: meshes.iter().map(|m| m.triangles).sum(),
+        };
+        Ok(Obvhs { info, meshes, instances: geometry.instances.clone(), top, top_leaves })
+    }
+
+    /// The closest hit of one ray: the world mesh first, so that it shortens the ray before any transform.
+    #[inline(always)]
+    fn closest(&self, ray: Ray, scratch: &mut Scratch) -> Closest {
+        let mut closest = Closest::none(ray.tfar);
+        if let Some(world) = self.meshes.first() {
+            world.closest(&ray, (0, 0), &mut closest, &mut scratch.mesh);
+        }
+        let mut reach = closest.hit.t * SLACK;
+        self.top.walk(&BoxRay::new(&ray), &mut reach, &mut scratch.top, |leaf, reach| {
+            for &inst in self.top_leaves[leaf as usize].iter().take_while(|&&inst| inst != INVALID_ID) {
+                let placement = &self.instances[inst as usize];
+                if let Some(object_ray) = ray.to_object(placement) {
+                    let id = (inst.wrapping_add(1), placement.mesh);
+                    self.meshes[placement.mesh as usize].closest(&object_ray, id, &mut closest, &mut scratch.mesh);
+                }
+            }
+            *reach = closest.hit.t * SLACK;
+            ControlFlow::Continue(())
+        });
+        closest
+    }
+
+    /// Whether anything lies on the segment.
+    #[inline(always)]
+    fn any(&self, ray: Ray, scratch: &mut Scratch) -> bool {
+        if self.meshes.first().is_some_and(|world| world.any(&ray, &mut scratch.mesh)) {
+            return true;
+        }
+        let mut found = false;
+        self.top.walk(&BoxRay::new(&ray), &mut (ray.tfar * SLACK), &mut scratch.top, |leaf, _| {
+            found = self.top_leaves[leaf as usize].iter().take_while(|&&inst| inst != INVALID_ID).any(|&inst| {
+                let placement = &self.instances[inst as usize];
+                let mesh = &self.meshes[placement.mesh as usize];
+                ray.to_object(placement).is_some_and(|object_ray| mesh.any(&object_ray, &mut scratch.mesh))
+            });
+            if found { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        found
+    }
+}
+
+impl Backend for Obvhs {
+    fn info(&self) -> &BackendInfo {
+        &self.info
+    }
+
+    fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {
+        let mut scratch = Scratch { top: EMPTY_STACK, mesh: EMPTY_STACK };
+        let mut invalid = 0;
+        for (block, first) in blocks.iter_mut().zip((0..len).step_by(LANES)) {
+            let lanes = (len - first).min(LANES);
+            block.clear_hits();
+            let mut valid = valid_lanes(&block.ray, lanes);
+            invalid += u64::from(lanes as u32 - valid.count_ones());
+            while valid != 0 {
+                let lane = valid.trailing_zeros() as usize & (LANES - 1);
+                valid &= valid - 1;
+                self.closest(Ray::of_lane(&block.ray, lane), &mut scratch).store(block, lane);
+            }
+        }
+        invalid
+    }
+
+    fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
+        let mut scratch = Scratch { top: EMPTY_STACK, mesh: EMPTY_STACK };
+        let mut invalid = 0;
+        for (block, first) in blocks.iter_mut().zip((0..len).step_by(LANES)) {
+            let lanes = (len - first).min(LANES);
+            let mut valid = valid_lanes(block, lanes);
+            invalid += u64::from(lanes as u32 - valid.count_ones());
+            while valid != 0 {
+                let lane = valid.trailing_zeros() as usize & (LANES - 1);
+                valid &= valid - 1;
+                if self.any(Ray::of_lane(block, lane), &mut scratch) {
+                    block.tfar[lane] = BLOCKED;
+                }
+            }
+        }
+        invalid
+    }
+}
+
+/// How large a coordinate or a distance of the scene may be, per axis, with the ray's origin in it or about it.
+fn reach_of(scene: Bounds) -> DVec3 {
+    let (lo, hi) = (scene.lo.as_dvec3(), scene.hi.as_dvec3());
+    if scene.is_empty() { DVec3::ZERO } else { lo.abs().max(hi.abs()) * 2.0 + (hi - lo) }
+}
+
+/// World box of an instance, grown so that no ray that hits its mesh in object space misses it: taking a ray there and
+/// testing it costs at most 16 roundings of terms no larger than |object_from_world| · reach.
+fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds {
+    let world = DAffine3::from_cols_array(&placement.world_from_object.to_cols_array().map(f64::from));
+    let object = DAffine3::from_cols_array(&placement.object_from_world.to_cols_array().map(f64::from));
+    let (lo, hi) = (mesh.lo.as_dvec3(), mesh.hi.as_dvec3());
+    let unit_roundoff = 0.5 * f64::from(f32::EPSILON);
+    let rounding = 16.0 * unit_roundoff * (object.matrix3.abs() * reach + object.translation.abs());
+    let half = world.matrix3.abs() * (0.5 * (hi - lo) + rounding);
+    let center = world.transform_point3(0.5 * lo + 0.5 * hi);
+    Bounds { lo: (center - half).as_vec3(), hi: (center + half).as_vec3() }.grown(glam::Vec3::ZERO)
+}
+
+/// Widest vector instructions that this build was compiled for; there is no choice at run time.
+fn compiled_isa() -> &'static str {
+    if cfg!(target_feature = "avx512f") {
+        "avx512"
+    } else if cfg!(target_feature = "avx2") {
+        "avx2"
+    } else if cfg!(target_feature = "sse2") {
+        "sse2"
+    } else {
+        std::env::consts::ARCH
+    }
+}
