@@ -1,6 +1,25 @@
 //! Light sources as the estimator sees them: choose one, draw a point, know the density of any direction.
+//!
+//! Lights are numbered: emissive triangles of the world mesh first, in their order there, then punctual lights, then the
+//! environment. Emission is one-sided, along `n_g`. Densities are in sr⁻¹ and include the choice of the light. Colours
+//! count by the mean of their channels where one number is needed, because errors are measured per channel.
+//! Refuses: radiance that is negative or not finite. What is black is never chosen.
 
 use glam::Vec3;
+
+use crate::error::{Error, Result};
+use crate::math::table::TableError;
+use crate::scene::Scene;
+use crate::scene::geometry::Geometry;
+
+pub mod area;
+pub mod environment;
+pub mod punctual;
+pub mod select;
+
+use area::{Emission, TriangleLight};
+use environment::EnvironmentLight;
+use select::Selector;
 
 /// A point on a light, drawn for a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +30,8 @@ pub struct LightSample {
     pub target: Option<LightPoint>,
     /// Radiance arriving along −wi. For delta lights: W/m² per unit of |cos| (intensity/d², or irradiance).
     pub radiance: Vec3,
+    /// Where an emission texture has to be looked up and multiplied into `radiance`; `None` where that is complete.
+    pub texture_point: Option<TexturePoint>,
     /// Density of the choice of light and direction together, sr⁻¹. For delta lights the selection probability alone.
     pub pdf_sa: f32,
     /// Whether BSDF sampling can never find this light (punctual): no MIS then.
@@ -26,4 +47,177 @@ pub struct LightPoint {
     pub normal: Vec3,
     /// Error bound of `position`, metres (see `math::float`).
     pub error: f32,
+}
+
+/// A point on a triangle whose emission comes from a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TexturePoint {
+    /// Index into [`Geometry::triangles`].
+    pub triangle: u32,
+    /// Weights of the second and third corner.
+    pub barycentric: [f32; 2],
+}
+
+/// An emissive triangle as a ray met it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmitterHit {
+    /// `Triangle::light` of the triangle.
+    pub light: u32,
+    /// Length of the ray, metres.
+    pub distance_m: f32,
+    /// Cosine between `n_g` and the way back along the ray; not above 0 behind the emitter.
+    pub cos_light: f32,
+    /// `Triangle::area`.
+    pub area_m2: f32,
+}
+
+/// How many lights of each kind there are, for the plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LightCounts {
+    /// Emissive triangles.
+    pub triangles: usize,
+    /// Punctual lights.
+    pub punctual: usize,
+    /// 1 if there is an environment that is not black.
+    pub environment: usize,
+}
+
+/// All lights of a scene.
+#[derive(Clone, Debug)]
+pub struct Lights {
+    triangles: Vec<TriangleLight>,
+    /// One entry a material.
+    emissions: Vec<Emission>,
+    punctual: Vec<punctual::Light>,
+    environment: Option<EnvironmentLight>,
+    selector: Selector,
+}
+
+impl Lights {
+    /// Finds the lights of a scene and weighs them by their power. The world mesh must hold every emissive triangle.
+    pub fn build(scene: &Scene, geometry: &Geometry) -> Result<Lights> {
+        let invalid =
+            |pointer: String, problem: String| Error::InvalidScene { file: scene.file.clone(), pointer, problem };
+        let emissions = (scene.materials.iter().enumerate())
+            .map(|(index, material)| {
+                Emission::new(material, &scene.textures).ok_or_else(|| {
+                    let found =
+                        format!("emission of {:?} is {}, expected finite and >= 0", material.name, material.emissive);
+                    invalid(format!("/materials/{index}"), found)
+                })
+            })
+            .collect::<Result<Vec<_>>>()?;
+
+        let triangles = area::find(geometry, &emissions);
+        let punctual = (scene.punctual.iter())
+            .map(|light| {
+                punctual::Light::new(light).map_err(|problem| {
+                    invalid("/extensions/KHR_lights_punctual".into(), format!("light {:?}: {problem}", light.name))
+                })
+            })
+            .collect::<Result<Vec<_>>>()?;
+        let environment = scene.environment.as_ref().map(EnvironmentLight::new).transpose()?.flatten();
+
+        // Power in watts, the same measure for every kind.
+        let radius_m = bounding_radius(geometry);
+        let mut powers = Vec::with_capacity(triangles.len() + punctual.len() + 1);
+        powers.extend(triangles.iter().map(|light| light.power(&emissions)));
+        powers.extend(punctual.iter().map(|light| light.power(radius_m)));
+        powers.extend(environment.iter().map(|light| light.power(radius_m)));
+        let selector = Selector::new(&powers).map_err(|error| match error {
+            TableError::Invalid { index, weight } if index < triangles.len() => invalid(
+                format!("/materials/{}", triangles[index].material),
+                format!("an emissive triangle has the power {weight} W, expected finite and >= 0"),
+            ),
+            error => invalid("/".into(), format!("lights: {error}")),
+        })?;
+        Ok(Lights { triangles, emissions, punctual, environment, selector })
+    }
+
+    /// Writes the number of its light into each emissive triangle. `geometry` is the one that `build` saw.
+    pub fn assign(&self, geometry: &mut Geometry) {
+        for triangle in &mut geometry.triangles {
+            triangle.light = u32::MAX;
+        }
+        for (number, light) in self.triangles.iter().enumerate() {
+            geometry.triangles[light.triangle as usize].light = number as u32;
+        }
+    }
+
+    /// How many lights of each kind there are.
+    pub fn counts(&self) -> LightCounts {
+        LightCounts {
+            triangles: self.triangles.len(),
+            punctual: self.punctual.len(),
+            environment: usize::from(self.environment.is_some()),
+        }
+    }
+
+    /// Whether no light can be sampled: there is none, or all are black.
+    pub fn is_dark(&self) -> bool {
+        self.selector.is_dark()
+    }
+
+    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with normal `n`. `None` where
+    /// the chosen light cannot send anything there.
+    #[inline]
+    pub fn sample(&self, p: Vec3, n: Vec3, u: [f32; 3]) -> Option<LightSample> {
+        let chosen = self.selector.select(p, n, u[0])?;
+        let uv = [u[1], u[2]];
+        let number = chosen.light as usize;
+        let mut sample = if let Some(light) = self.triangles.get(number) {
+            light.sample(&self.emissions[light.material as usize], p, uv)
+        } else if let Some(light) = self.punctual.get(number - self.triangles.len()) {
+            light.sample(p)
+        } else {
+            self.environment.as_ref().map(|light| light.sample(uv))
+        }?;
+        sample.pdf_sa *= chosen.p_select;
+        (sample.pdf_sa > 0.0 && sample.pdf_sa < f32::INFINITY).then_some(sample)
+    }
+
+    /// Density with which [`sample`](Self::sample) would have drawn the direction of a ray from `p` that met the emissive
+    /// triangle of `hit`; 0 behind it.
+    #[inline]
+    pub fn pdf_triangle(&self, p: Vec3, n: Vec3, hit: &EmitterHit) -> f32 {
+        if hit.cos_light > 0.0 {
+            let pdf_sa = area::pdf_sa(hit.distance_m * hit.distance_m, hit.cos_light, hit.area_m2);
+            self.selector.p_select(hit.light, p, n) * pdf_sa
+        } else {
+            0.0
+        }
+    }
+
+    /// Radiance of the environment from the unit direction `dir`; 0 without one.
+    #[inline]
+    pub fn environment_radiance(&self, dir: Vec3) -> Vec3 {
+        self.environment.as_ref().map_or(Vec3::ZERO, |light| light.radiance(dir))
+    }
+
+    /// Density with which [`sample`](Self::sample) would have drawn `dir` from the environment.
+    #[inline]
+    pub fn pdf_environment(&self, dir: Vec3, p: Vec3, n: Vec3) -> f32 {
+        self.environment.as_ref().map_or(0.0, |light| {
+            let number = (self.triangles.len() + self.punctual.len()) as u32;
+            self.selector.p_select(number, p, n) * light.pdf_sa(dir)
+        })
+    }
+}
+
+/// Radius of the scene's bounding sphere, for the power of lights at infinity: finite and positive even where there is
+/// nothing (then every such light scales alike and the number does not matter).
+fn bounding_radius(geometry: &Geometry) -> f64 {
+    let (min, max) = geometry.bounds;
+    let radius = 0.5 * (max.as_dvec3() - min.as_dvec3()).length();
+    if min.cmple(max).all() && radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
+}
+
+/// What a colour counts where one number is needed.
+fn channel_mean(color: Vec3) -> f64 {
+    (f64::from(color.x) + f64::from(color.y) + f64::from(color.z)) / 3.0
+}
+
+/// Whether every channel is a finite number ≥ 0.
+fn is_radiance(color: Vec3) -> bool {
+    color.is_finite() && color.cmpge(Vec3::ZERO).all()
 }

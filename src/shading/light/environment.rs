@@ -1,0 +1,188 @@
+//! The environment: an equirectangular map at infinity, looked up bilinearly (wrapped around, clamped at the poles).
+//!
+//! For a unit direction d, u = 0.5 + atan2(d.x, −d.z)/2π and v = acos(d.y)/π; row 0 is the top. Turning the map
+//! counter-clockwise about +Y by an angle a adds a/2π to u. Directions are drawn by texel and uniformly per steradian
+//! within the texel, so the density is the texel's probability over its exact solid angle Δφ·(cos θ₀ − cos θ₁): finite
+//! at the poles. A texel's weight is the mean of the bilinear radiance over it (its 3×3 neighbourhood by 1/8, 3/4, 1/8
+//! on each axis), which is above 0 wherever the radiance is, not only around bright texel centres.
+
+use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::{LightSample, channel_mean, is_radiance};
+use crate::error::{Error, Result};
+use crate::math::table::{Distribution2D, TableError};
+use crate::scene::light::Environment;
+
+/// Mean over one texel of a bilinear lookup, by texel offset −1, 0, +1.
+const FOOTPRINT: [f64; 3] = [0.125, 0.75, 0.125];
+
+/// An environment that is not black.
+#[derive(Clone, Debug)]
+pub struct EnvironmentLight {
+    width: u32,
+    height: u32,
+    texels: Arc<[Vec3]>,
+    intensity: f32,
+    /// Rotation as a fraction of a turn, in [0,1).
+    turn: f32,
+    density: Distribution2D,
+    /// cos θ of the upper edge of each row, `height + 1`; f64 because the first rows differ by less than f32 shows.
+    cos_edges: Vec<f64>,
+    /// 1 over the solid angle of a texel of each row, sr⁻¹.
+    per_steradian: Vec<f32>,
+    /// ∫ L dω, mean of the channels, W/m².
+    fluence: f64,
+}
+
+/// Coordinates in the map, u in [0,1), v in [0,1].
+#[derive(Clone, Copy)]
+struct MapPoint {
+    u: f32,
+    v: f32,
+}
+
+impl EnvironmentLight {
+    /// Prepares a map; `None` if it is black.
+    pub fn new(environment: &Environment) -> Result<Option<Self>> {
+        let &Environment { width, height, ref texels, rotation_rad, intensity } = environment;
+        check(environment)?;
+        if intensity == 0.0 {
+            return Ok(None);
+        }
+
+        // cos θ₀ − cos θ₁ as a product: no cancellation at the poles.
+        let edge = |row: usize| std::f64::consts::PI * row as f64 / height as f64;
+        let turn_step = std::f64::consts::TAU / width as f64;
+        let row_solid_angle = |row: usize| {
+            let (middle, half) = (0.5 * (edge(row) + edge(row + 1)), 0.5 * (edge(row + 1) - edge(row)));
+            2.0 * middle.sin() * half.sin() * turn_step
+        };
+
+        let mut fluence = 0.0;
+        let mut blended = vec![0.0; width];
+        let density = Distribution2D::new(width as u32, height as u32, |row, weights| {
+            let row = row as usize;
+            let rows = [row.saturating_sub(1), row, (row + 1).min(height - 1)];
+            for (column, sum) in blended.iter_mut().enumerate() {
+                *sum = rows.iter().zip(FOOTPRINT).map(|(r, w)| w * channel_mean(texels[r * width + column])).sum();
+            }
+            let solid_angle = row_solid_angle(row);
+            for (column, weight) in weights.iter_mut().enumerate() {
+                let columns = [(column + width - 1) % width, column, (column + 1) % width];
+                let mean: f64 = columns.iter().zip(FOOTPRINT).map(|(&c, w)| w * blended[c]).sum();
+                *weight = mean * solid_angle;
+                fluence += *weight;
+            }
+        });
+        let density = match density {
+            Ok(density) => density,
+            Err(TableError::Empty) => return Ok(None),
+            Err(error) => return Err(Error::Option { option: "--env", problem: error.to_string() }),
+        };
+        Ok(Some(EnvironmentLight {
+            width: width as u32,
+            height: height as u32,
+            texels: Arc::clone(texels),
+            intensity,
+            turn: (f64::from(rotation_rad) / std::f64::consts::TAU).rem_euclid(1.0) as f32,
+            density,
+            cos_edges: (0..=height).map(|row| edge(row).cos()).collect(),
+            per_steradian: (0..height).map(|row| (1.0 / row_solid_angle(row)) as f32).collect(),
+            fluence: fluence * f64::from(intensity),
+        }))
+    }
+
+    /// Power through the bounding sphere's disc from all directions, W.
+    pub fn power(&self, radius_m: f64) -> f64 {
+        std::f64::consts::PI * radius_m * radius_m * self.fluence
+    }
+
+    /// Draws a direction. The density is that of the direction alone.
+    #[inline]
+    pub fn sample(&self, [u, v]: [f32; 2]) -> LightSample {
+        let cell = self.density.sample_cell(u, v);
+        let row = cell.row as usize;
+
+        // Uniform in cos θ within the row, uniform in φ within the column.
+        let (upper, lower) = (self.cos_edges[row], self.cos_edges[row + 1]);
+        let cos_theta = upper + (lower - upper) * f64::from(cell.within[1]);
+        let sin_theta = ((1.0 - cos_theta) * (1.0 + cos_theta)).sqrt() as f32;
+        let cos_theta = cos_theta as f32;
+        let u = (cell.column as f32 + cell.within[0]) / self.width as f32;
+        let (sin_phi, cos_phi) = (TAU * (u - 0.5 - self.turn)).sin_cos();
+        LightSample {
+            wi: Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi),
+            target: None,
+            radiance: self.lookup(MapPoint { u, v: sin_theta.atan2(cos_theta) / PI }),
+            texture_point: None,
+            pdf_sa: cell.p * self.per_steradian[row],
+            delta: false,
+        }
+    }
+
+    /// Density of [`sample`](Self::sample) for the unit direction `dir`.
+    #[inline]
+    pub fn pdf_sa(&self, dir: Vec3) -> f32 {
+        let point = self.map_point(dir);
+        let column = ((point.u * self.width as f32) as u32).min(self.width - 1);
+        let row = ((point.v * self.height as f32) as u32).min(self.height - 1);
+        self.density.p(column, row) * self.per_steradian[row as usize]
+    }
+
+    /// Radiance from the unit direction `dir`.
+    #[inline]
+    pub fn radiance(&self, dir: Vec3) -> Vec3 {
+        self.lookup(self.map_point(dir))
+    }
+
+    #[inline]
+    fn map_point(&self, dir: Vec3) -> MapPoint {
+        let turned = 0.5 + dir.x.atan2(-dir.z) / TAU + self.turn;
+        // acos d.y by its legs: exact near the poles, where the cosine hardly changes.
+        MapPoint { u: turned - turned.floor(), v: dir.x.hypot(dir.z).atan2(dir.y) / PI }
+    }
+
+    /// Bilinear between texel centres.
+    #[inline]
+    fn lookup(&self, point: MapPoint) -> Vec3 {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let x = point.u * width as f32 - 0.5;
+        let y = (point.v * height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
+        let (left, upper) = (x.floor(), y.floor());
+        let (fx, fy) = (x - left, y - upper);
+        let i0 = if left < 0.0 { width - 1 } else { (left as usize).min(width - 1) };
+        let i1 = if i0 + 1 < width { i0 + 1 } else { 0 };
+        let (j0, j1) = (upper as usize, (upper as usize + 1).min(height - 1));
+        let texel = |i: usize, j: usize| self.texels[j * width + i];
+        let above = texel(i0, j0).lerp(texel(i1, j0), fx);
+        let below = texel(i0, j1).lerp(texel(i1, j1), fx);
+        above.lerp(below, fy) * self.intensity
+    }
+}
+
+/// Refuses maps that are not what their description says, and radiance that is no radiance.
+fn check(environment: &Environment) -> Result<()> {
+    let &Environment { width, height, ref texels, rotation_rad, intensity } = environment;
+    let wrong = |option, problem| Err(Error::Option { option, problem });
+    if !(intensity >= 0.0 && intensity.is_finite()) {
+        return wrong("--env-intensity", format!("environment: {intensity}, expected finite and >= 0"));
+    }
+    if !rotation_rad.is_finite() {
+        return wrong("--env-rotation", format!("environment: {rotation_rad} rad"));
+    }
+    if width == 0
+        || height == 0
+        || width.checked_mul(height) != Some(texels.len())
+        || u32::try_from(width.max(height)).is_err()
+    {
+        return wrong("--env", format!("environment: {width} x {height} with {} texels", texels.len()));
+    }
+    if let Some(index) = texels.iter().position(|&texel| !is_radiance(texel * intensity)) {
+        let (x, y) = (index % width, index / width);
+        return wrong("--env", format!("environment: texel {x}, {y} is {}, expected finite and >= 0", texels[index]));
+    }
+    Ok(())
+}

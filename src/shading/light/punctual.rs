@@ -1,0 +1,96 @@
+//! Lights without extent, `KHR_lights_punctual`: point, spot and directional. 1 cd is 1 W/sr, 1 lx is 1 W/m².
+//!
+//! The spot falls off with the square of the cosine's linear ramp between the inner and the outer angle, as the
+//! extension's text has it; a cone whose angles are equal ends at a sharp edge (no least width, which would dim narrow
+//! cones). `range` is not read: it has no physical meaning.
+
+use std::f64::consts::PI;
+
+use glam::Vec3;
+
+use super::{LightPoint, LightSample, channel_mean, is_radiance};
+use crate::scene::light::{PunctualKind, PunctualLight};
+
+/// A punctual light, checked.
+#[derive(Clone, Copy, Debug)]
+pub struct Light {
+    position: Vec3,
+    direction: Vec3,
+    intensity: Vec3,
+    kind: PunctualKind,
+}
+
+impl Light {
+    /// Checks the numbers of a light; the error says which one is wrong.
+    pub fn new(light: &PunctualLight) -> Result<Self, String> {
+        let &PunctualLight { position, direction, intensity, kind, .. } = light;
+        if !is_radiance(intensity) {
+            return Err(format!("intensity is {intensity}, expected finite and >= 0"));
+        }
+        let (placed, aimed, cone) = match kind {
+            PunctualKind::Point => (true, false, None),
+            PunctualKind::Directional => (false, true, None),
+            PunctualKind::Spot { cos_inner, cos_outer } => (true, true, Some((cos_inner, cos_outer))),
+        };
+        if placed && !position.is_finite() {
+            return Err(format!("position is {position}"));
+        }
+        if aimed && !direction.is_normalized() {
+            return Err(format!("direction is {direction}, expected a unit vector"));
+        }
+        if let Some((cos_inner, cos_outer)) = cone
+            && !(-1.0 <= cos_outer && cos_outer <= cos_inner && cos_inner <= 1.0)
+        {
+            return Err(format!("cosines of the cone are {cos_inner} inside and {cos_outer} outside"));
+        }
+        Ok(Light { position, direction, intensity, kind })
+    }
+
+    /// Power, W; that of a directional light through the disc of the scene's bounding sphere.
+    pub fn power(&self, radius_m: f64) -> f64 {
+        let measure = match self.kind {
+            PunctualKind::Point => 4.0 * PI,
+            PunctualKind::Directional => PI * radius_m * radius_m,
+            PunctualKind::Spot { cos_inner, cos_outer } => {
+                // The ramp's square has the mean 1/3.
+                let (inner, outer) = (f64::from(cos_inner), f64::from(cos_outer));
+                2.0 * PI * ((1.0 - inner) + (inner - outer) / 3.0)
+            }
+        };
+        measure * channel_mean(self.intensity)
+    }
+
+    /// What arrives at `p`; the density is 1, for the one direction there is. `None` outside of a cone.
+    #[inline]
+    pub fn sample(&self, p: Vec3) -> Option<LightSample> {
+        let delta =
+            |wi, target, radiance| LightSample { wi, target, radiance, texture_point: None, pdf_sa: 1.0, delta: true };
+        if self.kind == PunctualKind::Directional {
+            return Some(delta(-self.direction, None, self.intensity));
+        }
+        let to_light = self.position - p;
+        let distance2 = to_light.length_squared();
+        let wi = to_light / distance2.sqrt();
+        let ramp = match self.kind {
+            PunctualKind::Spot { cos_inner, cos_outer } => ramp(-wi.dot(self.direction), cos_inner, cos_outer),
+            _ => 1.0,
+        };
+        let radiance = self.intensity * (ramp * ramp / distance2);
+        // At the light itself there is no direction to it.
+        let lit = radiance.max_element() > 0.0 && radiance.is_finite();
+        let target = LightPoint { position: self.position, normal: Vec3::ZERO, error: 0.0 };
+        lit.then(|| delta(wi, Some(target), radiance))
+    }
+}
+
+/// 1 inside the inner cone, 0 outside the outer one, linear in the cosine between.
+#[inline]
+fn ramp(cos: f32, cos_inner: f32, cos_outer: f32) -> f32 {
+    if cos >= cos_inner {
+        1.0
+    } else if cos <= cos_outer {
+        0.0
+    } else {
+        (cos - cos_outer) / (cos_inner - cos_outer)
+    }
+}
