@@ -1,1 +1,223 @@
-//! OpenEXR output (filled in by its owner).
+//! OpenEXR: films out, pictures in. One part, scan lines, ZIP, 32-bit float; beauty is the unnamed `R,G,B,A` (scene-linear
+//! Rec.709, premultiplied), extra outputs are dotted channels (`variance.R`, `spp.Y`). The data window is the crop inside
+//! the full display window. Attributes as DESIGN §9 lists them.
+//!
+//! Means beyond the range of f32 are written as ±[`f32::MAX`], never as infinity.
+//! Limit of reading: the first flat part, full resolution, channels R, G, B (A) or Y without subsampling.
+
+use std::path::Path;
+
+use exr::meta::attribute::Chromaticities;
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, IntegerBounds, Layer,
+    LayerAttributes, LineOrder, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+};
+
+use super::view::ViewMatrices;
+use super::{Film, Pixel};
+use crate::error::{Error, Result};
+
+/// Extra outputs of `--aov`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Estimated variance of each pixel's mean, `variance.R`, `.G`, `.B`.
+    Variance,
+    /// Its square root, `stderr.R`, `.G`, `.B`.
+    Stderr,
+    /// Samples of each pixel, `spp.Y`.
+    Spp,
+}
+
+impl Aov {
+    /// Every extra output.
+    pub const ALL: [Aov; 3] = [Aov::Variance, Aov::Stderr, Aov::Spp];
+
+    /// Layer name in the file and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Aov::Variance => "variance",
+            Aov::Stderr => "stderr",
+            Aov::Spp => "spp",
+        }
+    }
+}
+
+impl std::str::FromStr for Aov {
+    type Err = String;
+    fn from_str(s: &str) -> std::result::Result<Self, String> {
+        Aov::ALL
+            .into_iter()
+            .find(|aov| aov.name() == s)
+            .ok_or_else(|| format!("'{s}' is not one of variance, stderr, spp"))
+    }
+}
+
+/// What a file says besides its pixels. Everything is optional; what is `None` is not written.
+#[derive(Clone, Debug, Default)]
+pub struct ExrOptions {
+    /// Extra outputs.
+    pub aovs: Vec<Aov>,
+    /// Wall time of the render, `renderTimeSeconds`.
+    pub render_seconds: Option<f64>,
+    /// Where the camera was, `worldToCamera` and `worldToNDC`.
+    pub view: Option<ViewMatrices>,
+    /// `pathspace/seed`.
+    pub seed: Option<u64>,
+    /// First sample and one past the last, `pathspace/sampleRange`.
+    pub sample_range: Option<(u64, u64)>,
+    /// Name and version of the ray backend, `pathspace/backend`.
+    pub backend: Option<String>,
+    /// Instruction set it ran on, `pathspace/isa`.
+    pub isa: Option<String>,
+    /// The resolved plan, `pathspace/plan`.
+    pub plan: Option<String>,
+}
+
+impl Film {
+    /// Writes the film as OpenEXR, all or nothing.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming `path`.
+    pub fn write_exr(&self, path: impl AsRef<Path>, options: &ExrOptions) -> Result<()> {
+        let window = self.window;
+        let encoding =
+            Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+        let size = Vec2(window.width as usize, window.height as usize);
+        let channels = AnyChannels::sort(self.channels(&options.aovs).into_iter().collect());
+        let mut image = Image::from_layer(Layer::new(size, self.layer_attributes(options), encoding, channels));
+        let resolution = Vec2(self.resolution.0 as usize, self.resolution.1 as usize);
+        image.attributes.display_window = IntegerBounds::from_dimensions(resolution);
+        image.attributes.chromaticities = Some(REC709);
+        super::atomic::write_atomically(path.as_ref(), |writer| {
+            image.write().to_buffered(writer).map_err(|error| match error {
+                exr::error::Error::Io(source) => source,
+                other => std::io::Error::other(other.to_string()),
+            })
+        })
+    }
+
+    fn channels(&self, aovs: &[Aov]) -> Vec<AnyChannel<FlatSamples>> {
+        let channel = |name: &str, value: &dyn Fn(&Pixel) -> f64| {
+            AnyChannel::new(name, FlatSamples::F32(self.pixels.iter().map(|pixel| stored(value(pixel))).collect()))
+        };
+        let variance = |pixel: &Pixel, c: usize| pixel.variance().map_or(0.0, |v| v[c]);
+        let mut list: Vec<_> =
+            ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| channel(name, &|p| p.mean()[c])).collect();
+        for aov in aovs {
+            let rgb = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (c, format!("{}.{name}", aov.name())));
+            match aov {
+                Aov::Variance => list.extend(rgb.map(|(c, name)| channel(&name, &|p| variance(p, c)))),
+                Aov::Stderr => list.extend(rgb.map(|(c, name)| channel(&name, &|p| variance(p, c).sqrt()))),
+                Aov::Spp => list.push(channel("spp.Y", &|p| p.samples() as f64)),
+            }
+        }
+        list
+    }
+
+    fn layer_attributes(&self, options: &ExrOptions) -> LayerAttributes {
+        let text = |value: &str| AttributeValue::Text(Text::new_or_none(value).unwrap_or_else(|| Text::from("?")));
+        let mut attributes = LayerAttributes {
+            layer_position: Vec2(self.window.x as i32, self.window.y as i32),
+            software_name: Text::new_or_none(SOFTWARE),
+            world_to_camera: options.view.map(|view| view.world_to_camera),
+            world_to_normalized_device: options.view.map(|view| view.world_to_ndc),
+            ..LayerAttributes::default()
+        };
+        let mut set = |name: &str, value: AttributeValue| attributes.other.insert(Text::from(name), value);
+        set("samplesPerPixel", AttributeValue::I32(self.spp().mean.round().min(f64::from(i32::MAX)) as i32));
+        set("colorInteropID", text("lin_rec709_scene"));
+        set("pathspace/version", text(env!("CARGO_PKG_VERSION")));
+        if let Some(seconds) = options.render_seconds {
+            set("renderTimeSeconds", AttributeValue::F32(seconds as f32));
+        }
+        let range = options.sample_range.map(|(first, end)| format!("{first}..{end}"));
+        let texts = [
+            ("pathspace/seed", options.seed.map(|seed| seed.to_string())),
+            ("pathspace/sampleRange", range),
+            ("pathspace/backend", options.backend.clone()),
+            ("pathspace/isa", options.isa.clone()),
+            ("pathspace/plan", options.plan.clone()),
+        ];
+        for (name, value) in texts {
+            if let Some(value) = value {
+                set(name, text(&value));
+            }
+        }
+        attributes
+    }
+}
+
+/// Primaries and white point of ITU-R BT.709.
+const REC709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.30, 0.60),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.3290),
+};
+
+const SOFTWARE: &str = concat!("pathspace ", env!("CARGO_PKG_VERSION"));
+
+/// A mean as it is stored: rounded to f32 and saturated.
+fn stored(value: f64) -> f32 {
+    value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+}
+
+/// Pixels of a data window and where it lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Columns and rows of the display window.
+    pub display: (usize, usize),
+    /// Left column and top row of the data window, relative to the display window.
+    pub position: (i64, i64),
+    /// Columns of the data window.
+    pub width: usize,
+    /// Rows of the data window.
+    pub height: usize,
+    /// R, G, B of the data window, row-major.
+    pub rgb: Vec<[f32; 3]>,
+    /// Alpha, if the file has one.
+    pub alpha: Option<Vec<f32>>,
+}
+
+/// Reads the first flat part of an OpenEXR file.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be opened or read, [`Error::Image`] when it is broken or has no colour channels.
+pub fn read_exr(path: &Path) -> Result<Picture> {
+    let broken = |problem: String| Error::Image { path: path.into(), problem };
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|error| match error {
+            exr::error::Error::Io(source) => Error::io(path, "read", source),
+            other => broken(format!("not a readable OpenEXR file: {other}")),
+        })?;
+    let layer = image.layer_data;
+    let (width, height) = (layer.size.0, layer.size.1);
+    let values = |name: &str| -> Option<Vec<f32>> {
+        let channel = layer.channel_data.list.iter().find(|channel| channel.name.eq(name))?;
+        (channel.sampling == Vec2(1, 1)).then(|| channel.sample_data.values_as_f32().collect())
+    };
+    let rgb: Vec<[f32; 3]> = match (values("R"), values("G"), values("B"), values("Y")) {
+        (Some(r), Some(g), Some(b), _) => r.iter().zip(&g).zip(&b).map(|((&r, &g), &b)| [r, g, b]).collect(),
+        (_, _, _, Some(y)) => y.iter().map(|&y| [y; 3]).collect(),
+        _ => {
+            let found: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+            return Err(broken(format!("expected channels R, G, B (or Y), found {}", found.join(", "))));
+        }
+    };
+    let display = image.attributes.display_window;
+    let position = layer.attributes.layer_position - display.position;
+    Ok(Picture {
+        display: (display.size.0, display.size.1),
+        position: (i64::from(position.0), i64::from(position.1)),
+        width,
+        height,
+        rgb,
+        alpha: values("A"),
+    })
+}
