@@ -4,3 +4,4 @@ pub mod bsdf;
 pub mod light;
 pub mod mis;
 pub mod roulette;
+pub mod surface;

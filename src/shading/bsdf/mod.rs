@@ -2,6 +2,13 @@
 
 use glam::Vec3;
 
+pub mod albedo;
+pub mod dielectric;
+pub mod fresnel;
+pub mod glossy;
+pub mod lambert;
+pub mod microfacet;
+
 /// Value and density of a BSDF for one pair of directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfEval {

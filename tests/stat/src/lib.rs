@@ -1,1 +1,1 @@
-//! Statistical tests used by the suite (filled in below).
+//! Statistical tests used by the suite.

@@ -1,0 +1,208 @@
+//! Clear dielectrics: a solid whose surface reflects and refracts, and a thin wall that light passes straight.
+//!
+//! Outward frame: wo.z > 0 is outside, wo.z < 0 inside a solid; both sides of a thin wall are alike. Exact Fresnel;
+//! the tint (glTF base colour) multiplies light at each crossing, reflection is untinted but for KHR_materials_specular.
+//! Radiance convention: crossing into relative index η weighs by 1/η². `eval` includes |cos|; pdfs in sr⁻¹.
+//!
+//! Rough: Walter et al. 2007 with separable Smith masking and visible normals; the side is chosen by the facet's own
+//! reflectance. The thin wall follows KHR_materials_transmission: one interface, no internal bounces, the transmitted
+//! lobe is the reflected one mirrored through the wall. A surface whose lobes f32 half vectors cannot resolve is smooth.
+//!
+//! Limit: `specular` < 1 takes light from reflection and gives it to transmission; where nothing can be transmitted
+//! (total reflection) it has no effect, because the light has nowhere else to go.
+
+use glam::Vec3;
+
+use super::fresnel::{self, Interface};
+use super::microfacet::{ALPHA_DELTA, Ggx, half_vector, reflect};
+use super::{BsdfEval, BsdfSample};
+
+/// Least alpha·|η−1| at which a refracting lobe counts as rough: the half vector of two refracted f32 directions has a
+/// relative error of about 2⁻²³/|η−1|, which is then a hundredth of alpha.
+const REFRACTION_DELTA: f32 = 1e-5;
+
+/// Whether light crosses a wall or enters a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// Refracts; the other side is the inside.
+    Solid,
+    /// Lets light pass straight; both sides are outside.
+    Thin,
+}
+
+/// A clear dielectric surface at a hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dielectric {
+    /// Solid or thin-walled.
+    pub body: Body,
+    /// n(inside)/n(outside).
+    pub eta: f32,
+    /// GGX alpha.
+    pub alpha: f32,
+    /// Colour of what is transmitted.
+    pub tint: Vec3,
+    /// KHR_materials_specular's factor: scales reflection.
+    pub specular: f32,
+    /// KHR_materials_specular's colour: scales reflection at the normal.
+    pub specular_color: Vec3,
+}
+
+/// Where light goes at one facet.
+#[derive(Clone, Copy, Debug)]
+struct Split {
+    interface: Interface,
+    /// Reflected fraction by channel.
+    reflected: Vec3,
+    /// Its largest channel: the probability of reflecting. The rest is transmitted.
+    p_reflect: f32,
+}
+
+impl Dielectric {
+    /// Whether light sampling can find nothing.
+    #[inline(always)]
+    pub fn is_delta(&self) -> bool {
+        self.alpha < ALPHA_DELTA || (self.body == Body::Solid && self.alpha * (self.eta - 1.0).abs() < REFRACTION_DELTA)
+    }
+
+    /// Reflectance at a facet seen at `cos` ≥ 0 from the side of `wo`.
+    #[inline(always)]
+    fn split(&self, wo: Vec3, cos: f32) -> Split {
+        let inside = self.body == Body::Solid && wo.z < 0.0;
+        let interface = fresnel::dielectric(if inside { -cos } else { cos }, self.eta);
+        let f = interface.reflectance;
+        // F runs from F0 to 1; the tint acts on the F0 end of that scale and leaves white specular exactly F.
+        let root = (self.eta - 1.0) / (self.eta + 1.0);
+        let f0 = root * root;
+        let towards_normal = ((1.0 - f) / (1.0 - f0).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let shift = ((self.specular_color * f0).min(Vec3::ONE) - Vec3::splat(f0)) * towards_normal;
+        let partial = (self.specular * (Vec3::splat(f) + shift)).clamp(Vec3::ZERO, Vec3::ONE);
+        let reflected = if f < 1.0 { partial } else { Vec3::ONE };
+        Split { interface, reflected, p_reflect: reflected.max_element() }
+    }
+
+    /// Index of the far side relative to the side of `wo`.
+    #[inline(always)]
+    fn relative_index(&self, wo: Vec3) -> f32 {
+        match self.body {
+            Body::Thin => 1.0,
+            Body::Solid if wo.z < 0.0 => 1.0 / self.eta,
+            Body::Solid => self.eta,
+        }
+    }
+
+    /// Value and density for a pair of directions; zero if the surface is smooth.
+    #[inline(always)]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if self.is_delta() || wo.z == 0.0 || wi.z == 0.0 {
+            return BsdfEval::ZERO;
+        }
+        // Work above the surface, whichever side the viewer is on.
+        let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
+        let flip = Vec3::new(1.0, 1.0, side);
+        let (o, i) = (wo * flip, wi * flip);
+        if i.z > 0.0 {
+            let m = half_vector(o, i);
+            self.reflected(wo, o, i, m)
+        } else if self.body == Body::Thin {
+            let mirrored = Vec3::new(i.x, i.y, -i.z);
+            self.transmitted_thin(wo, o, mirrored, half_vector(o, mirrored))
+        } else {
+            let eta = self.relative_index(wo);
+            let h = o + eta * i;
+            let length = h.length();
+            let m = h * (h.z.signum() / length.max(f32::MIN_POSITIVE));
+            self.refracted(wo, o, i, m, length)
+        }
+    }
+
+    #[inline(always)]
+    fn reflected(&self, wo: Vec3, o: Vec3, i: Vec3, m: Vec3) -> BsdfEval {
+        let split = self.split(wo, o.dot(m).max(0.0));
+        let lobe = Ggx::isotropic(self.alpha).reflection(o, i, m);
+        BsdfEval { f_cos: split.reflected * lobe.f_cos, pdf_sa: split.p_reflect * lobe.pdf_sa }
+    }
+
+    /// `mirrored` is the transmitted direction reflected back through the wall.
+    #[inline(always)]
+    fn transmitted_thin(&self, wo: Vec3, o: Vec3, mirrored: Vec3, m: Vec3) -> BsdfEval {
+        let through = 1.0 - self.split(wo, o.dot(m).max(0.0)).p_reflect;
+        let lobe = Ggx::isotropic(self.alpha).reflection(o, mirrored, m);
+        BsdfEval { f_cos: self.tint * (through * lobe.f_cos), pdf_sa: through * lobe.pdf_sa }
+    }
+
+    /// `length` is |o + η·i|, which equals |cos_o − η·cos_t| and is what the change of measure needs.
+    #[inline(always)]
+    fn refracted(&self, wo: Vec3, o: Vec3, i: Vec3, m: Vec3, length: f32) -> BsdfEval {
+        let (o_m, i_m) = (o.dot(m), i.dot(m));
+        if !(o_m > 0.0 && i_m < 0.0 && length > 0.0) {
+            return BsdfEval::ZERO;
+        }
+        let split = self.split(wo, o_m);
+        let through = 1.0 - split.p_reflect;
+        let eta = split.interface.eta;
+        let ggx = Ggx::isotropic(self.alpha);
+        // d(normal)/d(wi) = η²·|i·m|/length²; the radiance of the denser side is η² higher, which cancels its η².
+        let jacobian = -i_m / (length * length);
+        let normals_pdf = ggx.visible_pdf(o, m);
+        let f_cos = self.tint * (through * normals_pdf * ggx.masking(i) * jacobian);
+        BsdfEval { f_cos, pdf_sa: through * normals_pdf * jacobian * eta * eta }
+    }
+
+    /// Draws a direction; `u` = reflect or transmit, u, v.
+    #[inline(always)]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+        if wo.z == 0.0 || !wo.z.is_finite() {
+            return None;
+        }
+        let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
+        let flip = Vec3::new(1.0, 1.0, side);
+        let o = wo * flip;
+        let smooth = self.is_delta();
+        let ggx = Ggx::isotropic(self.alpha.max(ALPHA_DELTA));
+        let m = if smooth { Vec3::Z } else { ggx.sample_visible(o, [u[1], u[2]]) };
+        let o_m = o.dot(m).max(0.0);
+        let split = self.split(wo, o_m);
+
+        // Reflection: the weight is tint over probability, times masking if rough.
+        if u[0] < split.p_reflect {
+            let i = reflect(o, m);
+            if !(i.z > 0.0) {
+                return None;
+            }
+            let masking = if smooth { 1.0 } else { ggx.masking(i) };
+            let pdf_sa = if smooth { f32::INFINITY } else { split.p_reflect * ggx.reflection(o, i, m).pdf_sa };
+            let weight = split.reflected * (masking / split.p_reflect);
+            return Some(BsdfSample { wi: i * flip, weight, pdf_sa, eta: 1.0 });
+        }
+
+        // Straight through a thin wall: the mirrored reflection.
+        if self.body == Body::Thin {
+            let mirrored = reflect(o, m);
+            if !(mirrored.z > 0.0) {
+                return None;
+            }
+            let masking = if smooth { 1.0 } else { ggx.masking(mirrored) };
+            let through = 1.0 - split.p_reflect;
+            let pdf_sa = if smooth { f32::INFINITY } else { through * ggx.reflection(o, mirrored, m).pdf_sa };
+            let wi = Vec3::new(mirrored.x, mirrored.y, -mirrored.z) * flip;
+            return Some(BsdfSample { wi, weight: self.tint * masking, pdf_sa, eta: 1.0 });
+        }
+
+        // Refraction.
+        let Interface { cos_t, eta, .. } = split.interface;
+        let i = m * (o_m / eta - cos_t) - o / eta;
+        if !(i.z < 0.0) {
+            return None;
+        }
+        let masking = if smooth { 1.0 } else { ggx.masking(i) };
+        let pdf_sa = if smooth {
+            f32::INFINITY
+        } else {
+            // |o + η·i| by difference of squares: no cancellation between the two cosines.
+            let length = ((eta - 1.0) * (eta + 1.0)).abs() / (o_m + eta * cos_t);
+            (1.0 - split.p_reflect) * ggx.visible_pdf(o, m) * cos_t * eta * eta / (length * length)
+        };
+        let weight = self.tint * (masking / (eta * eta));
+        Some(BsdfSample { wi: i * flip, weight, pdf_sa, eta })
+    }
+}
