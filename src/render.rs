@@ -98,7 +98,7 @@ pub struct Renderer<'a> {
     camera: CameraRays,
     filter: FilterTable,
     kinds: Vec<Kind>,
-    albedo: Option<SpecularAlbedo>,
+    albedo: SpecularAlbedo,
     pool: rayon::ThreadPool,
     build_time: Duration,
 }
@@ -113,7 +113,8 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         let mut geometry = Geometry::build(scene);
         let plan = RenderPlan::new(scene, &geometry, &options)?;
-        let lights = Lights::build(scene, &mut geometry)?;
+        let lights = Lights::build(scene, &geometry)?;
+        lights.assign(&mut geometry);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(plan.threads)
             .thread_name(|i| format!("pathspace-{i}"))
@@ -128,7 +129,7 @@ impl<'a> Renderer<'a> {
             camera,
             filter: FilterTable::new(plan.filter),
             kinds: scene.materials.iter().map(queue::kind_of).collect(),
-            albedo: plan.features.coated.then(SpecularAlbedo::new),
+            albedo: SpecularAlbedo::for_materials(&scene.materials),
             pool,
             geometry,
             plan,
@@ -179,7 +180,8 @@ impl<'a> Renderer<'a> {
         let mut samples = 1u64;
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
-            let pass = Pass { first_sample: done, samples, tiles: &tiles, film: &film, counters: &counters, waves: &waves };
+            let pass =
+                Pass { first_sample: done, samples, tiles: &tiles, film: &film, counters: &counters, waves: &waves };
             let completed = self.run_pass(&pass, &mut |tiles_done, rays| {
                 let within = tiles_done as f64 / tiles.len().max(1) as f64;
                 let elapsed = start.elapsed();
@@ -285,15 +287,11 @@ impl<'a> Renderer<'a> {
             camera: &self.camera,
             filter: &self.filter,
             kinds: &self.kinds,
-            albedo: self.albedo.as_ref(),
+            albedo: &self.albedo,
         };
         let lengths = if self.plan.features.per_length { self.plan.max_depth.min(16) as usize + 1 } else { 0 };
-        let mut wave = pass
-            .waves
-            .lock()
-            .expect("no worker panicked")
-            .pop()
-            .unwrap_or_else(|| Wave::new(self.plan.wave, lengths));
+        let mut wave =
+            pass.waves.lock().expect("no worker panicked").pop().unwrap_or_else(|| Wave::new(self.plan.wave, lengths));
         let window = self.plan.window;
         let place = |&(x, y): &(u32, u32)| (y - window.y) as usize * window.width as usize + (x - window.x) as usize;
 

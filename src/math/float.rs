@@ -101,12 +101,7 @@ pub struct Segment {
 /// that distance. A zero normal (punctual light) leaves the target where it is. `None` when there is no such direction:
 /// origin and target coincide or are not finite.
 #[inline(always)]
-pub fn shadow_segment(
-    origin: Vec3,
-    target_position: Vec3,
-    target_normal: Vec3,
-    target_error: f32,
-) -> Option<Segment> {
+pub fn shadow_segment(origin: Vec3, target_position: Vec3, target_normal: Vec3, target_error: f32) -> Option<Segment> {
     let to_target = target_position - origin;
     let shift = target_error + SEGMENT_ROUNDING * to_target.length();
     let target = target_position - target_normal * shift.copysign(target_normal.dot(to_target));

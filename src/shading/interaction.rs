@@ -53,7 +53,8 @@ impl Interaction {
             n_s = unit_or(n_s, n_g);
         } else {
             let placement = &geometry.instances[hit.inst as usize];
-            error = float::hit_error_instanced(&placement.world_from_object, v0, e1, e2, p);
+            error =
+                float::hit_error_instanced((v0, e1, e2), p, &placement.world_from_object, &placement.object_from_world);
             p = placement.world_from_object.transform_point3(p);
             n_g = (placement.world_from_normal * n_g).normalize();
             n_s = unit_or(placement.world_from_normal * n_s, n_g);

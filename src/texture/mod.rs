@@ -1,1 +1,5 @@
-//! Textures (filled in by its owner).
+//! temporary
+/// stub
+pub fn lookup(_t: &crate::scene::Texture, _uv: glam::Vec2) -> glam::Vec4 {
+    glam::Vec4::ONE
+}

@@ -46,8 +46,8 @@ pub struct Context<'a> {
     pub filter: &'a FilterTable,
     /// Kernel of each material.
     pub kinds: &'a [Kind],
-    /// Directional albedo of dielectric coats; `None` when no material has one.
-    pub albedo: Option<&'a SpecularAlbedo>,
+    /// Directional albedo of dielectric coats; empty when no material has one.
+    pub albedo: &'a SpecularAlbedo,
 }
 
 impl Context<'_> {

@@ -13,8 +13,9 @@ use crate::sampler::{Scheme, dims};
 use crate::scene::{Material, TextureSlot};
 use crate::shading::bsdf::BsdfSample;
 use crate::shading::interaction::{self, Interaction};
+use crate::shading::light::{EmitterHit, TexturePoint};
 use crate::shading::roulette;
-use crate::shading::surface::Surface;
+use crate::shading::surface::{Surface, Textured};
 use crate::texture;
 
 /// What a lane met, as numbers.
@@ -133,19 +134,28 @@ fn shade_lane<S: Scheme>(
 /// Weight of the emission of an emissive triangle met by the path's last BSDF sample.
 #[inline(always)]
 fn emission_weight(context: &Context, path: &PathLane, org: Vec3, vertex: &Vertex) -> f32 {
-    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() {
+    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() || vertex.at.light == u32::MAX {
         return 1.0;
     }
-    let cos = vertex.at.n_g.dot(vertex.wo);
-    let light_pdf =
-        context.lights.pdf_triangle(vertex.at.light, org, Vec3::ZERO, -vertex.wo, vertex.t, cos, vertex.at.area);
+    let hit = EmitterHit {
+        light: vertex.at.light,
+        distance_m: vertex.t,
+        cos_light: vertex.at.n_g.dot(vertex.wo),
+        area_m2: vertex.at.area,
+    };
+    let light_pdf = context.lights.pdf_triangle(org, Vec3::ZERO, &hit);
     estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
 }
 
 /// The resolved BSDF and its frame. For opaque surfaces the frame's normal faces the viewer; for transmissive ones it
 /// faces the authored outside. `None` where a normal map turns the surface away from the viewer.
 #[inline(always)]
-fn resolve(context: &Context, material: &Material, vertex: &Vertex, u_material: f32) -> Option<(Surface, Frame)> {
+fn resolve<'c>(
+    context: &Context<'c>,
+    material: &Material,
+    vertex: &Vertex,
+    u_material: f32,
+) -> Option<(Surface<'c>, Frame)> {
     let at = &vertex.at;
     let features = &context.plan.features;
     let (mut base_color, mut metallic, mut roughness) = (material.base_color, material.metallic, material.roughness);
@@ -175,7 +185,8 @@ fn resolve(context: &Context, material: &Material, vertex: &Vertex, u_material: 
             }
         }
     }
-    let surface = Surface::from_material(material, base_color, metallic, roughness, u_material, context.albedo);
+    let textured = Textured { base_color, metallic, roughness };
+    let surface = Surface::from_material(material, textured, context.albedo, u_material);
     if !surface.is_transmissive() && !vertex.front {
         n_s = -n_s;
     }
@@ -188,13 +199,7 @@ fn resolve(context: &Context, material: &Material, vertex: &Vertex, u_material: 
 /// Draws a direction; refuses one that lies on the wrong geometric side. A delta lobe whose interpolated normal sends
 /// it there is drawn again about the geometric normal, so that smooth glass loses nothing at its silhouette.
 #[inline(always)]
-fn sample_bsdf(
-    surface: &Surface,
-    frame: Frame,
-    wo: Vec3,
-    vertex: &Vertex,
-    u: [f32; 3],
-) -> Option<(BsdfSample, Frame)> {
+fn sample_bsdf(surface: &Surface, frame: Frame, wo: Vec3, vertex: &Vertex, u: [f32; 3]) -> Option<(BsdfSample, Frame)> {
     let sample = surface.sample(wo, u)?;
     if consistent(&frame, wo, sample.wi, vertex) {
         return Some((sample, frame));
@@ -237,7 +242,11 @@ fn sample_light(
     }
     let scattered = surface.eval(wo, wi);
     let weight = estimator::light_weight(context.plan.strategy, light.pdf_sa, scattered.pdf_sa, light.delta);
-    let radiance = path.beta * scattered.f_cos * light.radiance * (weight / light.pdf_sa);
+    let mut emitted = light.radiance;
+    if let Some(point) = light.texture_point {
+        emitted *= emission_texel(context, &point);
+    }
+    let radiance = path.beta * scattered.f_cos * emitted * (weight / light.pdf_sa);
     if !(radiance.max_element() > 0.0) {
         return;
     }
@@ -245,10 +254,26 @@ fn sample_light(
     match light.target {
         None => wave.shadows.push(path.slot, radiance, org, light.wi, f32::INFINITY),
         Some(target) => {
-            if let Some((dir, tfar)) = float::shadow_segment(org, target.position, target.normal, target.error) {
-                wave.shadows.push(path.slot, radiance, org, dir, tfar);
+            if let Some(segment) = float::shadow_segment(org, target.position, target.normal, target.error) {
+                wave.shadows.push(path.slot, radiance, org, segment.dir, segment.tfar);
             }
         }
+    }
+}
+
+/// Value of the emission texture at a sampled light point.
+#[inline(always)]
+fn emission_texel(context: &Context, point: &TexturePoint) -> Vec3 {
+    let triangle = &context.geometry.triangles[point.triangle as usize];
+    let slot = context.scene.materials[triangle.material as usize].emissive_texture;
+    let uvs = context.geometry.uvs.get(triangle.attributes as usize);
+    match (slot, uvs) {
+        (Some(slot), Some([a, b, c])) => {
+            let [u, v] = point.barycentric;
+            let uv = *a * (1.0 - u - v) + *b * u + *c * v;
+            texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
+        }
+        _ => Vec3::ONE,
     }
 }
 

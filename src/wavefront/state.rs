@@ -204,11 +204,7 @@ impl Wave {
         Wave {
             current: Paths::new(capacity),
             next: Paths::new(capacity),
-            shadows: Shadows {
-                rays: vec![RayBlock::EMPTY; blocks],
-                carried: vec![ShadowBlock::EMPTY; blocks],
-                len: 0,
-            },
+            shadows: Shadows { rays: vec![RayBlock::EMPTY; blocks], carried: vec![ShadowBlock::EMPTY; blocks], len: 0 },
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
             gathered: vec![Gathered::default(); capacity],
             per_length: vec![[0.0; 3]; capacity * lengths],
