@@ -12,6 +12,7 @@ use crate::backend::{self, Backend, BackendInfo};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
+use crate::film::lengths::LengthSums;
 use crate::film::{Film, Pixel};
 use crate::plan::RenderPlan;
 use crate::sampler::{IndependentScheme, SobolScheme};
@@ -73,6 +74,8 @@ pub struct Render {
     pub film: Film,
     /// What was traced.
     pub counters: Counters,
+    /// One image per path length, if asked for.
+    pub lengths: Option<LengthSums>,
     /// Wall time of the passes.
     pub render_time: Duration,
     /// Why it ended.
@@ -170,6 +173,7 @@ impl<'a> Renderer<'a> {
         let spp_limit = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
         let film = Mutex::new(Film::new(self.plan.resolution, self.plan.window));
         let counters = Mutex::new(Counters::default());
+        let lengths = self.plan.features.per_length.then(|| Mutex::new(LengthSums::new(self.plan.window)));
         let waves = Mutex::new(Vec::new());
         let tiles = self.tiles();
         let start = Instant::now();
@@ -180,8 +184,15 @@ impl<'a> Renderer<'a> {
         let mut samples = 1u64;
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
-            let pass =
-                Pass { first_sample: done, samples, tiles: &tiles, film: &film, counters: &counters, waves: &waves };
+            let pass = Pass {
+                first_sample: done,
+                samples,
+                tiles: &tiles,
+                film: &film,
+                counters: &counters,
+                lengths: lengths.as_ref(),
+                waves: &waves,
+            };
             let completed = self.run_pass(&pass, &mut |tiles_done, rays| {
                 let within = tiles_done as f64 / tiles.len().max(1) as f64;
                 let elapsed = start.elapsed();
@@ -220,6 +231,7 @@ impl<'a> Renderer<'a> {
         Ok(Render {
             film: film.into_inner().expect("no worker panicked"),
             counters: counters.into_inner().expect("no worker panicked"),
+            lengths: lengths.map(|l| l.into_inner().expect("no worker panicked")),
             render_time: start.elapsed(),
             stop,
         })
@@ -289,9 +301,12 @@ impl<'a> Renderer<'a> {
             kinds: &self.kinds,
             albedo: &self.albedo,
         };
-        let lengths = if self.plan.features.per_length { self.plan.max_depth.min(16) as usize + 1 } else { 0 };
-        let mut wave =
-            pass.waves.lock().expect("no worker panicked").pop().unwrap_or_else(|| Wave::new(self.plan.wave, lengths));
+        let mut wave = pass
+            .waves
+            .lock()
+            .expect("no worker panicked")
+            .pop()
+            .unwrap_or_else(|| Wave::new(self.plan.wave, pass.lengths.is_some()));
         let window = self.plan.window;
         let place = |&(x, y): &(u32, u32)| (y - window.y) as usize * window.width as usize + (x - window.x) as usize;
 
@@ -308,6 +323,10 @@ impl<'a> Renderer<'a> {
                 SamplerKind::Independent => {
                     wavefront::run::<IndependentScheme>(&context, &chunk, &mut wave, sums, &mut counters)
                 }
+            }
+            if let Some(lengths) = pass.lengths {
+                let mut lengths = lengths.lock().expect("no worker panicked");
+                wavefront::accumulate::by_length(&chunk, &wave, &mut lengths, |p| place(&p));
             }
         }
         {
@@ -336,6 +355,7 @@ struct Pass<'p> {
     tiles: &'p [Tile],
     film: &'p Mutex<Film>,
     counters: &'p Mutex<Counters>,
+    lengths: Option<&'p Mutex<LengthSums>>,
     /// Waves not in use; a worker takes one per tile and puts it back.
     waves: &'p Mutex<Vec<Wave>>,
 }

@@ -9,6 +9,7 @@
 pub mod atomic;
 pub mod exr;
 pub mod filter;
+pub mod lengths;
 pub mod png;
 pub mod view;
 

@@ -5,6 +5,7 @@ use super::state::Wave;
 use super::{Counters, NonFinite};
 use crate::backend::batch::{BLOCKED, LANES};
 use crate::film::Pixel;
+use crate::film::lengths::LengthSums;
 use glam::Vec3;
 
 /// How many non-finite samples are kept by place.
@@ -41,5 +42,22 @@ pub fn samples(chunk: &Chunk, wave: &Wave, pixels: &mut [Pixel], counters: &mut 
             }
             pixel.add((sample & 1) as usize, rgb, gathered.weight, gathered.coverage);
         }
+    }
+}
+
+/// Adds the chunk's samples by path length. `place` gives a pixel's position in `lengths`.
+pub fn by_length(chunk: &Chunk, wave: &Wave, lengths: &mut LengthSums, place: impl Fn((u32, u32)) -> usize) {
+    for (p, &pixel) in chunk.pixels.iter().enumerate() {
+        let at = place(pixel);
+        for s in 0..chunk.samples {
+            let slot = p * chunk.samples + s;
+            let weight = wave.gathered[slot].weight as f64;
+            for (sum, term) in lengths.sums[at].iter_mut().zip(&wave.per_length[slot]) {
+                for c in 0..3 {
+                    sum[c] += weight * term[c] as f64;
+                }
+            }
+        }
+        lengths.n[at] += chunk.samples as u64;
     }
 }

@@ -4,6 +4,7 @@
 use super::Context;
 use super::state::{Gathered, NO_MEDIUM, PathLane, Wave};
 use crate::film::filter::FilterSample;
+use crate::film::lengths::LENGTHS;
 use crate::sampler::{self, Scheme, dims};
 
 /// Camera samples of one chunk: some pixels of a tile, a range of sample indices of each.
@@ -56,5 +57,5 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
         };
         wave.current.push(&path, org, dir);
     }
-    wave.per_length.fill([0.0; 3]);
+    wave.per_length.fill([[0.0; 3]; LENGTHS]);
 }

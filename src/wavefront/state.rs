@@ -6,6 +6,7 @@
 use glam::Vec3;
 
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
+use crate::film::lengths::LENGTHS;
 
 /// No solid dielectric around a path.
 pub const NO_MEDIUM: u32 = u32::MAX;
@@ -193,13 +194,13 @@ pub struct Wave {
     pub queues: [Vec<u32>; super::queue::KINDS],
     /// One entry a camera sample.
     pub gathered: Vec<Gathered>,
-    /// Radiance by number of edges and camera sample (`edge·samples + slot`); empty unless asked for.
-    pub per_length: Vec<[f32; 3]>,
+    /// Radiance by camera sample and number of edges; empty unless asked for.
+    pub per_length: Vec<[[f32; 3]; LENGTHS]>,
 }
 
 impl Wave {
-    /// Columns for `capacity` paths; `lengths` accumulators per sample (0 for none).
-    pub fn new(capacity: usize, lengths: usize) -> Self {
+    /// Columns for `capacity` paths; `per_length` adds one accumulator per path length to each sample.
+    pub fn new(capacity: usize, per_length: bool) -> Self {
         let blocks = capacity.div_ceil(LANES);
         Wave {
             current: Paths::new(capacity),
@@ -207,7 +208,7 @@ impl Wave {
             shadows: Shadows { rays: vec![RayBlock::EMPTY; blocks], carried: vec![ShadowBlock::EMPTY; blocks], len: 0 },
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
             gathered: vec![Gathered::default(); capacity],
-            per_length: vec![[0.0; 3]; capacity * lengths],
+            per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
         }
     }
 
@@ -223,10 +224,8 @@ impl Wave {
         for c in 0..3 {
             sum[c] += radiance[c];
         }
-        if !self.per_length.is_empty() {
-            let samples = self.gathered.len();
-            let last = self.per_length.len() / samples - 1;
-            let term = &mut self.per_length[(edge as usize).min(last) * samples + slot as usize];
+        if let Some(terms) = self.per_length.get_mut(slot as usize) {
+            let term = &mut terms[(edge as usize).min(LENGTHS - 1)];
             for c in 0..3 {
                 term[c] += radiance[c];
             }

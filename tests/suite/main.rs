@@ -1,1 +1,6 @@
-fn main() {}
+//! The test suite: one module per theme. Each test states its oracle and its false-alarm rate.
+
+mod agreement;
+mod common;
+mod determinism;
+mod transport;

@@ -1,0 +1,121 @@
+//! What the transport tests share: rendering a scene made in code, probing one ray, the shared folder.
+
+use std::path::PathBuf;
+
+use glam::{Affine3A, Vec3};
+use pathspace::plan::options::{CameraChoice, FilterKind, RenderOptions, SamplerKind};
+use pathspace::render::{Render, Renderer};
+use pathspace::scene::{Camera, Projection, Scene};
+
+/// `../shared`, or `None` with a message when the checkout stands alone.
+pub fn shared(what: &str) -> Option<PathBuf> {
+    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared"));
+    if path.is_dir() {
+        Some(path)
+    } else {
+        eprintln!("SKIPPED {what}: {} is absent", path.display());
+        None
+    }
+}
+
+/// Options for tests: box filter, so that pixels are independent.
+pub fn options(width: u32, height: u32, spp: u64) -> RenderOptions {
+    RenderOptions { filter: FilterKind::Box, ..RenderOptions::new(width, height).spp(spp) }
+}
+
+/// Renders, panicking with the error's text.
+pub fn render(scene: &Scene, options: RenderOptions) -> Render {
+    let renderer = Renderer::new(scene, options).unwrap_or_else(|e| panic!("{e}"));
+    renderer.render().unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Means of independent estimates: count, mean and the variance of one estimate, per channel.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate {
+    /// Number of independent estimates.
+    pub n: f64,
+    /// Mean.
+    pub mean: [f64; 3],
+    /// Sample variance of one estimate.
+    pub variance: [f64; 3],
+}
+
+impl Estimate {
+    /// From values that are independent and alike.
+    pub fn of(values: impl Iterator<Item = [f64; 3]> + Clone) -> Self {
+        let n = values.clone().count() as f64;
+        let mean = values.clone().fold([0.0; 3], |a, v| std::array::from_fn(|c| a[c] + v[c] / n));
+        let variance =
+            values.fold([0.0; 3], |a, v| std::array::from_fn(|c| a[c] + (v[c] - mean[c]).powi(2) / (n - 1.0)));
+        Estimate { n, mean, variance }
+    }
+
+    /// Standard error of the mean.
+    pub fn standard_error(&self, channel: usize) -> f64 {
+        (self.variance[channel] / self.n).sqrt()
+    }
+
+    /// T1 of HARDCASES §1.3: within 4.9 standard errors (two-sided 1e-6) plus `tau`, and able to see a relative bias of
+    /// `delta`.
+    pub fn expect(&self, what: &str, expected: f64, tau: f64, delta: f64) {
+        for c in 0..3 {
+            let limit = 4.9 * self.standard_error(c);
+            let difference = (self.mean[c] - expected).abs();
+            assert!(
+                difference <= limit + tau,
+                "{what}, channel {c}: {} ± {} expected {expected}, off by {:.2} standard errors",
+                self.mean[c],
+                self.standard_error(c),
+                difference / self.standard_error(c)
+            );
+            assert!(
+                limit <= delta * expected.abs(),
+                "{what}, channel {c}: too noisy to see a bias of {delta}: {limit} > {}",
+                delta * expected.abs()
+            );
+        }
+    }
+}
+
+/// The radiance probe: `n` independent samples of the radiance that arrives at `origin` from `direction`. Each pixel of
+/// an image whose rays are all the same is one sample with a seed of its own.
+pub fn probe(scene: &Scene, origin: Vec3, direction: Vec3, n: u32, options: RenderOptions) -> Estimate {
+    let film = probe_film(scene, origin, direction, n, options).film;
+    Estimate::of(film.pixels.iter().map(|p| {
+        let m = p.mean();
+        [m[0], m[1], m[2]]
+    }))
+}
+
+/// The render behind [`probe`].
+pub fn probe_film(scene: &Scene, origin: Vec3, direction: Vec3, n: u32, options: RenderOptions) -> Render {
+    let mut scene = scene.clone();
+    scene.cameras.push(single_ray(origin, direction));
+    let side = (n as f64).sqrt().ceil() as u32;
+    render(
+        &scene,
+        RenderOptions {
+            width: side,
+            height: side,
+            spp: Some(options.spp.unwrap_or(1)),
+            camera: CameraChoice::Index(scene.cameras.len() - 1),
+            filter: FilterKind::Box,
+            sampler: SamplerKind::Independent,
+            ..options
+        },
+    )
+}
+
+/// A camera whose rays are all the same: parallel, with a film too small to move an origin.
+fn single_ray(origin: Vec3, direction: Vec3) -> Camera {
+    let back = -direction.as_dvec3().normalize();
+    let right = back.any_orthonormal_vector();
+    Camera {
+        name: "probe".into(),
+        world_from_camera: Affine3A {
+            matrix3: glam::Mat3A::from_cols(right.as_vec3a(), back.cross(right).as_vec3a(), back.as_vec3a()),
+            translation: origin.into(),
+        },
+        projection: Projection::Orthographic { xmag_m: 1e-30, ymag_m: 1e-30 },
+    }
+}
