@@ -51,3 +51,10 @@ pub struct Environment {
     /// Factor on the radiance.
     pub intensity: f32,
 }
+
+impl Environment {
+    /// An environment that is the same in all directions.
+    pub fn constant(radiance: Vec3) -> Environment {
+        Environment { width: 1, height: 1, texels: Arc::new([radiance]), rotation_rad: 0.0, intensity: 1.0 }
+    }
+}

@@ -1,1 +1,4 @@
-fn main() {}
+//! The integration tests, one module a theme.
+
+mod loading;
+mod textures;
