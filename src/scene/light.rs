@@ -53,8 +53,8 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// The same radiance from everywhere.
-    pub fn constant(radiance: Vec3) -> Self {
+    /// An environment that is the same in all directions.
+    pub fn constant(radiance: Vec3) -> Environment {
         Environment { width: 1, height: 1, texels: Arc::new([radiance]), rotation_rad: 0.0, intensity: 1.0 }
     }
 }

@@ -11,6 +11,7 @@ pub mod camera;
 pub mod geometry;
 pub mod gltf;
 pub mod ids;
+pub mod image;
 pub mod light;
 pub mod material;
 pub mod validate;

@@ -1,1 +1,123 @@
-//! Filled in by its owner.
+//! The contract of [`Scene`] in one place: what every loader and builder promises to those who read it.
+//!
+//! Checked: ids point into their tables, attribute tables are as long as the vertices, numbers are finite, sizes agree.
+//! A scene without triangles is valid here; whether that is an error is for the loader of a file to say.
+
+use glam::{Vec3, Vec4};
+
+use super::{Camera, Mesh, Projection, Scene};
+use crate::error::{Error, Result};
+
+impl Scene {
+    /// Checks everything that the documentation of [`Scene`]'s fields promises.
+    pub fn validate(&self) -> Result<()> {
+        self.check().map_err(|(pointer, problem)| Error::InvalidScene { file: self.file.clone(), pointer, problem })
+    }
+
+    fn check(&self) -> Result<(), (String, String)> {
+        for (index, mesh) in self.meshes.iter().enumerate() {
+            let fail = |problem: String| Err((format!("mesh {index} \"{}\"", mesh.name), problem));
+            if mesh.material.index() >= self.materials.len() {
+                return fail(format!("expected a material below {}, found {}", self.materials.len(), mesh.material.0));
+            }
+            if let Some(problem) = mesh_problem(mesh) {
+                return fail(problem);
+            }
+        }
+        for (index, instance) in self.instances.iter().enumerate() {
+            let fail = |problem: String| Err((format!("instance {index}"), problem));
+            if instance.mesh.index() >= self.meshes.len() {
+                return fail(format!("expected a mesh below {}, found {}", self.meshes.len(), instance.mesh.0));
+            }
+            let placement = &instance.world_from_object;
+            if !placement.is_finite() || !placement.inverse().is_finite() {
+                return fail("expected a finite, invertible placement".into());
+            }
+        }
+        for material in &self.materials {
+            let slots = [
+                material.base_color_texture,
+                material.metallic_roughness_texture,
+                material.normal_texture,
+                material.emissive_texture,
+            ];
+            let fail = |problem: String| Err((format!("material \"{}\"", material.name), problem));
+            if let Some(slot) = slots.iter().flatten().find(|slot| slot.texture.index() >= self.textures.len()) {
+                return fail(format!("expected a texture below {}, found {}", self.textures.len(), slot.texture.0));
+            }
+            let colors = [material.base_color, material.emissive, material.specular_color, material.attenuation_color];
+            let factors = [
+                material.metallic,
+                material.roughness,
+                material.specular,
+                material.ior,
+                material.transmission,
+                material.thickness,
+            ];
+            if !colors.iter().all(|color| color.is_finite()) || !factors.iter().all(|factor| factor.is_finite()) {
+                return fail("expected finite factors".into());
+            }
+        }
+        for texture in &self.textures {
+            let texels = texture.width.checked_mul(texture.height);
+            if texels.is_none_or(|texels| texels == 0 || texels != texture.texels.len()) {
+                let problem =
+                    format!("expected {} × {} texels, found {}", texture.width, texture.height, texture.texels.len());
+                return Err((format!("texture \"{}\"", texture.name), problem));
+            }
+        }
+        for light in &self.punctual {
+            if ![light.position, light.direction, light.intensity].iter().all(|vector| vector.is_finite()) {
+                return Err((
+                    format!("light \"{}\"", light.name),
+                    "expected finite position, direction and intensity".into(),
+                ));
+            }
+        }
+        match self.cameras.iter().find_map(|camera| Some((camera, camera_problem(camera)?))) {
+            Some((camera, problem)) => Err((format!("camera \"{}\"", camera.name), problem)),
+            None => Ok(()),
+        }
+    }
+}
+
+fn mesh_problem(mesh: &Mesh) -> Option<String> {
+    let count = mesh.positions.len();
+    let lengths = [
+        ("normals", mesh.normals.as_ref().map(Vec::len)),
+        ("uvs", mesh.uvs.as_ref().map(Vec::len)),
+        ("tangents", mesh.tangents.as_ref().map(Vec::len)),
+    ];
+    if let Some((name, found)) =
+        lengths.iter().find_map(|&(name, found)| Some((name, found.filter(|&found| found != count)?)))
+    {
+        return Some(format!("expected {count} {name}, found {found}"));
+    }
+    if let Some(position) = mesh.positions.iter().find(|position| !position.is_finite()) {
+        return Some(format!("expected finite positions, found {position}"));
+    }
+    if let Some(corner) = mesh.triangles.as_flattened().iter().find(|&&corner| corner as usize >= count) {
+        return Some(format!("expected corners below {count}, found {corner}"));
+    }
+    let finite = mesh.normals.iter().flatten().all(|normal: &Vec3| normal.is_finite())
+        && mesh.uvs.iter().flatten().all(|uv| uv.is_finite())
+        && mesh.tangents.iter().flatten().all(|tangent: &Vec4| tangent.is_finite());
+    (!finite).then(|| "expected finite vertex attributes".into())
+}
+
+fn camera_problem(camera: &Camera) -> Option<String> {
+    let sound = match camera.projection {
+        Projection::Perspective { yfov_rad, aspect } => {
+            yfov_rad > 0.0
+                && yfov_rad < std::f32::consts::PI
+                && aspect.is_none_or(|aspect| aspect > 0.0 && aspect.is_finite())
+        }
+        Projection::Orthographic { xmag_m, ymag_m } => {
+            xmag_m > 0.0 && ymag_m > 0.0 && xmag_m.is_finite() && ymag_m.is_finite()
+        }
+    };
+    if !sound {
+        return Some(format!("expected a field of view in (0, π), found {:?}", camera.projection));
+    }
+    (!camera.world_from_camera.is_finite()).then(|| "expected a finite placement".into())
+}

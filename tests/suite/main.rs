@@ -3,4 +3,6 @@
 mod agreement;
 mod common;
 mod determinism;
+mod loading;
+mod textures;
 mod transport;

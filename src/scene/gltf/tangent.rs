@@ -1,0 +1,174 @@
+//! Tangents for normal maps whose file has none, by MikkTSpace (glTF 2.0 §3.7.2.1 asks for it).
+//!
+//! The crate computes one tangent for each corner; corners of one vertex that disagree become vertices of their own. What would
+//! make its translated C code overrun (recursion, quadratic merging, overflow) is ruled out before it is called.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use super::super::Mesh;
+
+/// MikkTSpace recurses, and compares pairwise, over the corners at one position: this many cost about 1 MB of stack.
+const MOST_CORNERS_AT_A_POINT: usize = 4096;
+/// Its corner numbers are 32-bit with two bits for the corner, signed.
+const MOST_TRIANGLES: usize = 1 << 29;
+
+/// Gives `mesh` tangents, and flat normals if it has none. The error is a clause that says why it cannot have them.
+pub(super) fn generate(mesh: &mut Mesh) -> Result<(), &'static str> {
+    let Some(uvs) = &mesh.uvs else { return Err("has no texture coordinates") };
+    if mesh.triangles.len() > MOST_TRIANGLES {
+        return Err("has too many triangles for MikkTSpace");
+    }
+    let mut corners_at: HashMap<[u32; 3], usize> = HashMap::new();
+    for &corner in mesh.triangles.as_flattened() {
+        // −0 and 0 are one place.
+        let place = (mesh.positions[corner as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+        *corners_at.entry(place).or_default() += 1;
+    }
+    if corners_at.values().any(|&corners| corners > MOST_CORNERS_AT_A_POINT) {
+        return Err("has a point where more than 4096 triangles meet");
+    }
+    // Scaling by a power of two is exact, leaves tangents alone, and keeps squares from overflowing.
+    let extent = mesh.positions.iter().fold(0.0f32, |extent, position| extent.max(position.abs().max_element()));
+    let scale = (-f64::from(extent).log2().ceil()).exp2();
+    let flat: Vec<Vec3> = mesh.triangles.iter().map(|triangle| flat_normal(mesh, triangle)).collect();
+    let mut corners = Corners { mesh, uvs, flat: &flat, scale, tangents: vec![Vec4::ZERO; 3 * mesh.triangles.len()] };
+    if !mikktspace::generate_tangents(&mut corners) {
+        return Err("has no geometry that MikkTSpace accepts");
+    }
+    let tangents = corners.tangents;
+    split(mesh, &flat, &tangents);
+    Ok(())
+}
+
+fn flat_normal(mesh: &Mesh, triangle: &[u32; 3]) -> Vec3 {
+    let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].as_dvec3());
+    (b - a).cross(c - a).try_normalize().unwrap_or(DVec3::Y).as_vec3()
+}
+
+/// Rewrites the mesh so that each vertex has one normal and one tangent.
+fn split(mesh: &mut Mesh, flat: &[Vec3], tangents: &[Vec4]) {
+    let mut vertices: HashMap<(u32, [u32; 7]), u32> = HashMap::new();
+    let (mut positions, mut normals, mut uvs, mut kept) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for (number, triangle) in mesh.triangles.iter_mut().enumerate() {
+        for (corner, vertex) in triangle.iter_mut().enumerate() {
+            let old = *vertex as usize;
+            let normal = mesh.normals.as_ref().map_or(flat[number], |normals| normals[old]);
+            let tangent = perpendicular(tangents[3 * number + corner], normal);
+            let [x, y, z] = normal.to_array().map(f32::to_bits);
+            let [a, b, c, w] = tangent.to_array().map(f32::to_bits);
+            let next = positions.len() as u32;
+            *vertex = *vertices.entry((*vertex, [x, y, z, a, b, c, w])).or_insert(next);
+            if *vertex == next {
+                positions.push(mesh.positions[old]);
+                normals.push(normal);
+                uvs.push(mesh.uvs.as_ref().map_or(Vec2::ZERO, |uvs| uvs[old]));
+                kept.push(tangent);
+            }
+        }
+    }
+    mesh.positions = positions;
+    mesh.normals = Some(normals);
+    mesh.uvs = Some(uvs);
+    mesh.tangents = Some(kept);
+}
+
+/// A usable tangent: unit, not along the normal; any perpendicular where texture coordinates give none.
+fn perpendicular(tangent: Vec4, normal: Vec3) -> Vec4 {
+    let sign = if tangent.w < 0.0 { -1.0 } else { 1.0 };
+    let direction = tangent.truncate();
+    match direction.try_normalize().filter(|direction| direction.cross(normal) != Vec3::ZERO) {
+        Some(direction) => direction.extend(sign),
+        None => normal.any_orthonormal_vector().extend(sign),
+    }
+}
+
+/// The mesh as the crate wants to see it.
+struct Corners<'m> {
+    mesh: &'m Mesh,
+    uvs: &'m [Vec2],
+    flat: &'m [Vec3],
+    scale: f64,
+    tangents: Vec<Vec4>,
+}
+
+impl Corners<'_> {
+    fn vertex(&self, face: usize, corner: usize) -> usize {
+        self.mesh.triangles[face][corner] as usize
+    }
+}
+
+impl mikktspace::Geometry for Corners<'_> {
+    fn num_faces(&self) -> usize {
+        self.mesh.triangles.len()
+    }
+
+    fn num_vertices_of_face(&self, _face: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, corner: usize) -> [f32; 3] {
+        (self.mesh.positions[self.vertex(face, corner)].as_dvec3() * self.scale).as_vec3().to_array()
+    }
+
+    fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
+        let flat = self.flat[face];
+        self.mesh.normals.as_ref().map_or(flat, |normals| normals[self.vertex(face, corner)]).to_array()
+    }
+
+    fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
+        self.uvs[self.vertex(face, corner)].to_array()
+    }
+
+    fn set_tangent_encoded(&mut self, tangent: [f32; 4], face: usize, corner: usize) {
+        self.tangents[3 * face + corner] = Vec4::from_array(tangent);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::MaterialId;
+    use super::*;
+
+    fn quad(uvs: [[f32; 2]; 4]) -> Mesh {
+        Mesh {
+            name: String::new(),
+            positions: [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            normals: None,
+            uvs: Some(uvs.map(Vec2::from_array).to_vec()),
+            tangents: None,
+            material: MaterialId(0),
+        }
+    }
+
+    /// Oracle: ∂P/∂u of a planar mapping. glTF's v runs down, so that w is +1 when u runs right and v down. No randomness.
+    #[test]
+    fn planar_mapping_gives_its_own_axes() {
+        let mut mesh = quad([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+        generate(&mut mesh).expect("a quad has tangents");
+        assert_eq!((mesh.positions.len(), mesh.normals.as_deref()), (4, Some(&[Vec3::Z; 4][..])));
+        for tangent in mesh.tangents.expect("generated") {
+            assert!((tangent.truncate() - Vec3::X).length() < 1e-6, "{tangent}");
+        }
+        let mut turned = quad([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
+        generate(&mut turned).expect("a quad has tangents");
+        for tangent in turned.tangents.expect("generated") {
+            assert!((tangent.truncate() - Vec3::Y).length() < 1e-6, "{tangent}");
+        }
+    }
+
+    /// Oracle: the invariant "unit, perpendicular to nothing in particular, finite". Uvs without area, and absurd ones.
+    #[test]
+    fn useless_texture_coordinates_still_give_unit_tangents() {
+        for uvs in [[[0.5; 2]; 4], [[1e38, -1e38], [-1e38, 3e38], [0.0, 1e-45], [1e30, 7.0]]] {
+            let mut mesh = quad(uvs);
+            mesh.positions.iter_mut().for_each(|position| *position *= 1e18);
+            generate(&mut mesh).expect("a quad has tangents");
+            for tangent in mesh.tangents.expect("generated") {
+                assert!((tangent.truncate().length() - 1.0).abs() < 1e-6, "{tangent}");
+            }
+        }
+    }
+}
