@@ -1,1 +1,5 @@
-fn main() {}
+//! The test suite: one module per theme.
+
+mod environments;
+mod lights;
+mod meter;
