@@ -78,7 +78,7 @@ fn apportion(weights: &[f64], out: &mut [u32]) -> Result<f64, TableError> {
             running += weight;
             granted += 1;
         }
-        let steps = (running / total * shared) as u32 + granted;
+        let steps = (running / total * shared + 0.5) as u32 + granted;
         out[index + 1] = if index >= last_positive { LATTICE } else { steps };
     }
     Ok(total)
@@ -160,10 +160,10 @@ impl AliasTable {
         self.len == 0
     }
 
-    /// Probability with which `index` is drawn; exactly 0 where the weight was 0.
+    /// Probability with which `index` is drawn; exactly 0 where the weight was 0, and where there is no such cell.
     #[inline]
     pub fn p(&self, index: u32) -> f32 {
-        self.buckets[index as usize].own_steps as f32 * STEP
+        self.buckets.get(index as usize).map_or(0.0, |bucket| bucket.own_steps as f32 * STEP)
     }
 
     /// The cell that `u` in [0,1) falls into.

@@ -3,6 +3,7 @@
 mod agreement;
 mod common;
 mod determinism;
+mod lights;
 mod loading;
 mod textures;
 mod transport;

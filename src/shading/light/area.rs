@@ -119,10 +119,8 @@ impl TriangleLight {
         let wi = to_light / distance2.sqrt();
         let cos_light = -wi.dot(n_g);
         // Also false for a receiver on the point itself, where the direction is NaN.
-        if !(cos_light > 0.0) {
-            return None;
-        }
-        Some(LightSample {
+        let in_front = cos_light > 0.0;
+        in_front.then(|| LightSample {
             wi,
             target: Some(LightPoint { position, normal: n_g, error: point_error(position, v0, e1, e2) }),
             radiance: emission.radiance,

@@ -158,6 +158,13 @@ impl Lights {
         self.selector.is_dark()
     }
 
+    /// Probability with which [`sample`](Self::sample) chooses the light of that number for a receiver; 0 if there
+    /// is no such light.
+    #[inline]
+    pub fn p_select(&self, light: u32, p: Vec3, n: Vec3) -> f32 {
+        self.selector.p_select(light, p, n)
+    }
+
     /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with normal `n`. `None` where
     /// the chosen light cannot send anything there.
     #[inline]
