@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# Installs what building pathspace needs on Debian 12 and 13, through apt-get, and only what is missing.
+# Usage: scripts/setup.sh [nolib]      nolib: without Embree (cargo's --no-default-features)
+# Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
+
+set -euo pipefail
+
+readonly RUST_MIN_MINOR=95 # rust-version in Cargo.toml: 1.95
+
+say() { printf 'setup: %s\n' "$*" >&2; }
+fail() { printf 'setup: FAILED: %s\n' "$*" >&2; exit 1; }
+
+installed() { [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]; }
+
+# A C compiler links every Rust program; Embree's declarations are read from its header with libclang.
+packages=(gcc libc6-dev make)
+case "${1:-}" in
+  nolib) ;;
+  '') [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
+      packages+=(libclang-dev) ;;
+  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib]" ;;
+esac
+
+# Rust first: apt-get cannot help with it, Debian's own is too old.
+if ! command -v cargo >/dev/null && [ -x "${CARGO_HOME:-${HOME:-}/.cargo}/bin/cargo" ]; then
+  fail "cargo is installed but not in PATH; run: . \"${CARGO_HOME:-$HOME/.cargo}/env\""
+fi
+command -v cargo >/dev/null && command -v rustc >/dev/null ||
+  fail "no Rust toolchain found; install one from https://rustup.rs (it needs no root), then run this again"
+rust=$(rustc --version | cut -d' ' -f2) || fail "rustc does not run; see its message above"
+minor=${rust#*.}; minor=${minor%%.*}
+[ "${rust%%.*}" -gt 1 ] || [ "$minor" -ge "$RUST_MIN_MINOR" ] ||
+  fail "Rust 1.$RUST_MIN_MINOR or newer is needed, $rust is installed; run: rustup update"
+
+if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+  fail "no apt-get here. Install a C compiler, libclang and Embree 3.13 or 4.x by your system's means (or set EMBREE_DIR), then: cargo build --release"
+fi
+missing=()
+for package in "${packages[@]}"; do
+  installed "$package" || missing+=("$package")
+done
+if [ ${#missing[@]} -eq 0 ]; then
+  say "nothing to install: Rust $rust, ${packages[*]} are there"
+  exit 0
+fi
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null ||
+    fail "not root and no sudo; run as root: apt-get update && apt-get install ${missing[*]}"
+  as_root=(sudo)
+fi
+apt_install() {
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "${missing[@]}" >&2
+}
+
+say "installing ${missing[*]} through apt-get${as_root:+ (with sudo)}"
+# The package lists may be old or absent: fetch them only if it does not work without.
+if ! apt_install; then
+  say "again, with fresh package lists"
+  "${as_root[@]}" apt-get update -q >&2 || fail "apt-get update; see its message above"
+  apt_install || fail "apt-get install ${missing[*]}; see its message above"
+fi
+for package in "${missing[@]}"; do
+  installed "$package" || fail "$package is still not installed"
+done
+say "done: installed ${missing[*]}"
