@@ -5,5 +5,6 @@ mod common;
 mod determinism;
 mod lights;
 mod loading;
+mod meter;
 mod textures;
 mod transport;
