@@ -126,7 +126,7 @@ fn generate(found: &Found, header: &str, target: &Path) -> Result<(), String> {
         .allowlist_function("rtcSetDevice(Error|MemoryMonitor)Function")
         .allowlist_function("rtcSet(NewGeometryBuffer|Geometry(Mask|InstancedScene|TimeStepCount|Transform))")
         .allowlist_function("rtc(CommitGeometry|CommitScene|AttachGeometryByID|SetSceneFlags|SetSceneBuildQuality)")
-        .allowlist_function("rtc(Intersect|Occluded)(1|4|8|16|NM)")
+        .allowlist_function("rtc(Intersect|Occluded)(1|4|8|16)|rtcIntersectNM|rtcOccluded1M")
         .allowlist_type("RTC(Ray|Hit|RayHit)(4|8|16)?|RTCBounds")
         .allowlist_type("RTC(IntersectContext|IntersectArguments|OccludedArguments|FeatureFlags|RayQueryFlags)")
         .allowlist_type("RTC(Format|BufferType|GeometryType|BuildQuality|SceneFlags|DeviceProperty|Error)")

@@ -1,8 +1,8 @@
 //! The seam between Embree 3 and 4: the only file that knows which one is installed. The rest of the folder is written
 //! for 4; here 3 adapts.
 //!
-//! What differs: 4 passes arguments after the ray where 3 passes a context before it, 4 has no stream calls, 4.3 has one
-//! more hit column. What does not: the structures' order, checked against ours at compile time below.
+//! What differs: 4 passes arguments after the ray where 3 passes a context before it, 4 has no stream calls, 4.3 has
+//! one more hit column. What does not: the structures' order, checked against ours at compile time below.
 
 use std::mem::{align_of, offset_of, size_of};
 
@@ -116,8 +116,8 @@ const _: () = {
     assert!(offset_of!(HitBlock, inst) == offset_of!(RTCHit16, instID));
 };
 
-/// What goes with each call: Embree 4's two argument structures, or Embree 3's context. One per batch and thread, because
-/// Embree 3 keeps its instance stack in it.
+/// What goes with each call: Embree 4's two argument structures, or Embree 3's context. One per batch and thread,
+/// because Embree 3 keeps its instance stack in it.
 pub(super) struct Query {
     #[cfg(embree_major = "4")]
     intersect: sys::RTCIntersectArguments,
@@ -167,8 +167,8 @@ macro_rules! calls {
         #[inline(always)]
         pub(super) unsafe fn $name(scene: RTCScene, valid: &Lanes, ray: &mut $ray, query: &mut Query) {
             let ray: *mut $raw = std::ptr::from_mut(ray).cast();
-            // SAFETY: the caller vouches for the scene and the rays; `ray` points to memory of at least Embree's size and
-            // alignment (asserted above); the mask has 16 aligned words, of which the call reads its width.
+            // SAFETY: the caller vouches for the scene and the rays; `ray` points to memory of at least Embree's size
+            // and alignment (asserted above); the mask has 16 aligned words, of which the call reads its width.
             #[cfg(embree_major = "4")]
             unsafe { sys::$c(valid.0.as_ptr(), scene, ray, &mut query.$args) };
             // SAFETY: as above; the context belongs to this thread.
@@ -231,27 +231,28 @@ pub(super) unsafe fn intersect_stream(scene: RTCScene, blocks: &mut [RayHitBlock
     {
         let rays: *mut sys::RTCRayHitN = blocks.as_mut_ptr().cast();
         let (lanes, count) = (LANES as u32, u32::try_from(blocks.len()).expect("a batch has fewer than 2^32 blocks"));
-        // SAFETY: the caller vouches for the scene and the rays; a block is an RTCRayHit16, which is the layout that this
-        // call calls N = 16, and `count` blocks follow each other at the stride of the slice.
+        // SAFETY: the caller vouches for the scene and the rays; a block is an RTCRayHit16, which is the layout that
+        // this call calls N = 16, and `count` blocks follow each other at the stride of the slice.
         unsafe { sys::rtcIntersectNM(scene, &mut query.context, rays, lanes, count, size_of::<RayHitBlock>()) };
     }
 }
 
-/// Like [`intersect_stream`], for any hit.
+/// Traces rays one after the other as one stream, for any hit: natively on 3, a call each on 4. On 3 this layout lets
+/// Embree sort the stream; the one of [`intersect_stream`] makes it trace packets as they are.
 /// # Safety
-/// `scene` is alive, committed and unchanged during the call; every lane of every block holds a valid ray.
-pub(super) unsafe fn occluded_stream(scene: RTCScene, blocks: &mut [RayBlock], query: &mut Query) {
+/// `scene` is alive, committed and unchanged during the call; every ray is valid.
+pub(super) unsafe fn occluded_stream(scene: RTCScene, rays: &mut [sys::RTCRay], query: &mut Query) {
     #[cfg(embree_major = "4")]
-    for block in blocks {
-        // SAFETY: the caller vouches for the scene and all sixteen rays.
-        unsafe { occluded16(scene, &Lanes::from_bits(u16::MAX), block, query) };
+    for ray in rays {
+        // SAFETY: the caller vouches for the scene and the ray.
+        unsafe { occluded1(scene, ray, query) };
     }
     #[cfg(embree_major = "3")]
     {
-        let rays: *mut sys::RTCRayN = blocks.as_mut_ptr().cast();
-        let (lanes, count) = (LANES as u32, u32::try_from(blocks.len()).expect("a batch has fewer than 2^32 blocks"));
-        // SAFETY: the caller vouches for the scene and the rays; a block is an RTCRay16, which is the layout that this
-        // call calls N = 16, and `count` blocks follow each other at the stride of the slice.
-        unsafe { sys::rtcOccludedNM(scene, &mut query.context, rays, lanes, count, size_of::<RayBlock>()) };
+        let count = u32::try_from(rays.len()).expect("a batch has fewer than 2^32 rays");
+        let stride = size_of::<sys::RTCRay>();
+        // SAFETY: the caller vouches for the scene and the rays; `count` of them follow each other at the slice's
+        // stride.
+        unsafe { sys::rtcOccluded1M(scene, &mut query.context, rays.as_mut_ptr(), count, stride) };
     }
 }

@@ -1,5 +1,5 @@
-//! The Embree device: created from a configuration string, asked for errors after each step that may fail, released when
-//! the last scene over it is gone.
+//! The Embree device: created from a configuration string, asked for errors after each step that may fail, released
+//! when the last scene over it is gone.
 //!
 //! Embree reports errors and memory through callbacks; both write into a [`Monitor`] and neither can panic.
 

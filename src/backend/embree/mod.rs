@@ -1,9 +1,9 @@
 //! Debian's Embree behind the [`Backend`] trait: 3.13 (Debian 12) and 4.x (Debian 13) from one source.
 //!
 //! Scenes are ROBUST unless asked otherwise; the default mode lost 0.5 % of random rays far from the origin. Rays are
-//! validated before every call, because Debian's 3.13.5 aborts the process on a NaN. Source: the Embree API manual; what
-//! was measured stands in ARCHITECTURE.md. Limit: for one instruction set and one query mode results repeat bit by bit;
-//! another of either may round `t`, `u` and `v` differently.
+//! validated before every call, because Debian's 3.13.5 aborts the process on a NaN. Source: the Embree API manual;
+//! what was measured stands in ARCHITECTURE.md. Limit: for one instruction set and one query mode results repeat bit by
+//! bit; another of either may round `t`, `u` and `v` differently.
 
 mod abi;
 mod device;
@@ -36,8 +36,8 @@ impl Embree {
     /// Opens a device and builds the hierarchy; copies what it needs of the geometry.
     ///
     /// # Errors
-    /// [`Error::Backend`](crate::Error::Backend) when the instruction set is not there, memory runs out, or the geometry
-    /// holds an index or transform that cannot be traced.
+    /// [`Error::Backend`](crate::Error::Backend) when the instruction set is not there, memory runs out, or the
+    /// geometry holds an index or transform that cannot be traced.
     pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
         let device = Arc::new(Device::open(options.isa.as_deref(), options.build_threads)?);
         let world = World::build(&device, geometry, options.robust)?;
@@ -94,8 +94,8 @@ impl Backend for Embree {
         }
     }
 
-    /// The hint is not passed on: packets of shadow rays ran at 0.7 of their rate with Embree's coherent flag, also those
-    /// of camera hits towards one light.
+    /// The hint is not passed on: packets of shadow rays ran at 0.7 of their rate with Embree's coherent flag, also
+    /// those of camera hits towards one light.
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
         let (world, blocks) = (&self.world, used(blocks, len));
         let query = &mut Query::new(Coherence::Incoherent);

@@ -1,5 +1,5 @@
-//! Packets of 1, 4, 8 and 16 rays. Sixteen are traced where they lie; narrower ones are copied out of their block and the
-//! hits back into it. Only lanes that [`World::valid_lanes`] accepts reach Embree.
+//! Packets of 1, 4, 8 and 16 rays. Sixteen are traced where they lie; narrower ones are copied out of their block and
+//! the hits back into it. Only lanes that [`World::valid_lanes`] accepts reach Embree.
 
 use super::abi::{self, Hits, Lanes, Query, RayHits, Rays, sys};
 use super::scene::World;
@@ -9,6 +9,12 @@ use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock};
 #[inline(always)]
 pub(super) fn lanes_of(block: usize, len: usize) -> usize {
     (len - block * LANES).min(LANES)
+}
+
+/// The lanes of a bit mask.
+#[inline(always)]
+pub(super) fn active(mask: u16) -> impl Iterator<Item = usize> {
+    (0..LANES).filter(move |lane| (mask >> lane) & 1 != 0)
 }
 
 /// Closest hits, 16 at a time, in place.
@@ -41,18 +47,12 @@ pub(super) fn any16(world: &World, blocks: &mut [RayBlock], len: usize, query: &
         let lanes = lanes_of(index, len);
         let valid = world.valid_lanes(block, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
-        any_block(world, block, valid, query);
+        if valid != 0 {
+            // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+            unsafe { abi::occluded16(world.raw(), &Lanes::from_bits(valid), block, query) };
+        }
     }
     invalid
-}
-
-/// One block of `any16`.
-#[inline(always)]
-pub(super) fn any_block(world: &World, block: &mut RayBlock, valid: u16, query: &mut Query) {
-    if valid != 0 {
-        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
-        unsafe { abi::occluded16(world.raw(), &Lanes::from_bits(valid), block, query) };
-    }
 }
 
 /// Closest hits in packets of `N`, each traced by `trace`.
@@ -69,11 +69,11 @@ pub(super) fn closest_narrow<const N: usize>(
         invalid += lanes as u64 - u64::from(valid.count_ones());
         block.clear_hits();
         for first in (0..LANES).step_by(N) {
-            let active = (valid >> first) & Rays::<N>::ALL;
-            if active != 0 {
+            let mask = (valid >> first) & Rays::<N>::ALL;
+            if mask != 0 {
                 let mut packet = RayHits { ray: Rays::gather(&block.ray, first), hit: Hits::NONE };
-                trace(&Lanes::from_bits(active), &mut packet);
-                packet.scatter(block, first, active);
+                trace(&Lanes::from_bits(mask), &mut packet);
+                packet.scatter(block, first, mask);
             }
         }
         world.name_instances(block);
@@ -94,13 +94,15 @@ pub(super) fn any_narrow<const N: usize>(
         let valid = world.valid_lanes(block, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
         for first in (0..LANES).step_by(N) {
-            let active = (valid >> first) & Rays::<N>::ALL;
-            if active != 0 {
+            let mask = (valid >> first) & Rays::<N>::ALL;
+            if mask != 0 {
                 let mut packet = Rays::gather(block, first);
-                trace(&Lanes::from_bits(active), &mut packet);
+                trace(&Lanes::from_bits(mask), &mut packet);
                 // An active ray had tfar ≥ 0, so a negative one is Embree's answer.
-                for lane in (0..N).filter(|lane| (active >> lane) & 1 != 0 && packet.tfar[*lane] < 0.0) {
-                    block.tfar[first + lane] = BLOCKED;
+                for lane in active(mask) {
+                    if packet.tfar[lane] < 0.0 {
+                        block.tfar[first + lane] = BLOCKED;
+                    }
                 }
             }
         }
@@ -116,7 +118,7 @@ pub(super) fn closest1(world: &World, blocks: &mut [RayHitBlock], len: usize, qu
         let valid = world.valid_lanes(&block.ray, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
         block.clear_hits();
-        for lane in (0..lanes).filter(|lane| (valid >> lane) & 1 != 0) {
+        for lane in active(valid) {
             let mut one = sys::RTCRayHit { ray: single(&block.ray, lane), ..Default::default() };
             one.hit.geomID = INVALID_ID;
             one.hit.instID = [INVALID_ID];
@@ -146,7 +148,7 @@ pub(super) fn any1(world: &World, blocks: &mut [RayBlock], len: usize, query: &m
         let lanes = lanes_of(index, len);
         let valid = world.valid_lanes(block, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
-        for lane in (0..lanes).filter(|lane| (valid >> lane) & 1 != 0) {
+        for lane in active(valid) {
             let mut one = single(block, lane);
             // SAFETY: the world's scene is committed and lives as long as `world`; the lane is valid.
             unsafe { abi::occluded1(world.raw(), &mut one, query) };
@@ -160,7 +162,7 @@ pub(super) fn any1(world: &World, blocks: &mut [RayBlock], len: usize, query: &m
 
 /// One ray of a block, with every bit of the mask set.
 #[inline(always)]
-fn single(block: &RayBlock, lane: usize) -> sys::RTCRay {
+pub(super) fn single(block: &RayBlock, lane: usize) -> sys::RTCRay {
     sys::RTCRay {
         org_x: block.org_x[lane],
         org_y: block.org_y[lane],
@@ -210,21 +212,19 @@ impl<const N: usize> Hits<N> {
 }
 
 impl<const N: usize> RayHits<N> {
-    /// Writes the active lanes' hits into `block` from lane `first` on.
+    /// Writes the hits of the lanes in `mask` into `block` from lane `first` on.
     #[inline(always)]
-    fn scatter(&self, block: &mut RayHitBlock, first: usize, active: u16) {
-        for lane in 0..N {
-            if (active >> lane) & 1 != 0 {
-                block.ray.tfar[first + lane] = self.ray.tfar[lane];
-                block.hit.ng_x[first + lane] = self.hit.ng[0][lane];
-                block.hit.ng_y[first + lane] = self.hit.ng[1][lane];
-                block.hit.ng_z[first + lane] = self.hit.ng[2][lane];
-                block.hit.u[first + lane] = self.hit.uv[0][lane];
-                block.hit.v[first + lane] = self.hit.uv[1][lane];
-                block.hit.prim[first + lane] = self.hit.prim[lane];
-                block.hit.geom[first + lane] = self.hit.geom[lane];
-                block.hit.inst[first + lane] = self.hit.inst[lane];
-            }
+    fn scatter(&self, block: &mut RayHitBlock, first: usize, mask: u16) {
+        for lane in active(mask) {
+            block.ray.tfar[first + lane] = self.ray.tfar[lane];
+            block.hit.ng_x[first + lane] = self.hit.ng[0][lane];
+            block.hit.ng_y[first + lane] = self.hit.ng[1][lane];
+            block.hit.ng_z[first + lane] = self.hit.ng[2][lane];
+            block.hit.u[first + lane] = self.hit.uv[0][lane];
+            block.hit.v[first + lane] = self.hit.uv[1][lane];
+            block.hit.prim[first + lane] = self.hit.prim[lane];
+            block.hit.geom[first + lane] = self.hit.geom[lane];
+            block.hit.inst[first + lane] = self.hit.inst[lane];
         }
     }
 }

@@ -1,6 +1,7 @@
-//! Embree scenes from the flattened geometry. The world mesh is attached to the top scene with geometry id 0; every other
-//! mesh that something places has a scene of its own, with its mesh index as geometry id; instance `i` is attached to the top scene as
-//! `i + 1`. Vertices and indices are copied into Embree's buffers, which it pads for its 16-byte reads.
+//! Embree scenes from the flattened geometry. The world mesh is attached to the top scene with geometry id 0; every
+//! other mesh that something places has a scene of its own, with its mesh index as geometry id; instance `i` is
+//! attached to the top scene as `i + 1`. Vertices and indices are copied into Embree's buffers, which it pads for its
+//! 16-byte reads.
 //!
 //! Refused: indices past the vertices, transforms that are not finite or cannot be inverted within the range of `f32`.
 
@@ -117,8 +118,8 @@ struct Scene {
     device: Arc<Device>,
 }
 
-// SAFETY: a committed scene may be traced from any thread (Embree's documentation of rtcCommitScene); after `World::build`
-// no call changes it, and it is released by its one owner.
+// SAFETY: a committed scene may be traced from any thread (Embree's documentation of rtcCommitScene); after
+// `World::build` no call changes it, and it is released by its one owner.
 unsafe impl Send for Scene {}
 // SAFETY: as above.
 unsafe impl Sync for Scene {}

@@ -1,8 +1,8 @@
-//! What only this backend can get wrong: ids, masks, modes, poisoned rays, handles. Agreement with `brute` over the whole
-//! conformance matrix is tested in the suite.
+//! What only this backend can get wrong: ids, masks, modes, poisoned rays, handles. Agreement with `brute` over the
+//! whole conformance matrix is tested in the suite.
 //!
-//! Oracles: closed forms of planes and spheres; exact equality where nothing may be touched. Seeds are fixed, so a false
-//! alarm needs another library, not another draw.
+//! Oracles: closed forms of planes and spheres; exact equality where nothing may be touched. Seeds are fixed, so a
+//! false alarm needs another library, not another draw.
 
 use std::sync::Arc;
 
@@ -317,6 +317,34 @@ fn closed_sphere_holds_random_rays_in_every_mode() {
                     assert!((1.99..=2.000001).contains(&radius), "{mode}, {hint:?}: {hit:?} at radius {radius}");
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn neighbours_and_hint_do_not_change_a_bit() {
+    // The same rays, each in another block among other neighbours: 7919 is prime to the count, so `i·7919` visits all.
+    const COUNT: usize = 16_384;
+    for mode in QueryMode::ALL {
+        let embree = build(&world_of(sphere(50)), mode);
+        let rays = random_rays(COUNT);
+        let mut moved = vec![RayHitBlock::EMPTY; COUNT / LANES];
+        let place = |i: usize| (i * 7919) % COUNT;
+        for i in 0..COUNT {
+            let ray = &rays[i / LANES].ray;
+            moved[place(i) / LANES].ray.set(place(i) % LANES, ray.org(i % LANES), ray.dir(i % LANES), f32::INFINITY);
+        }
+        let trace = |rays: &[RayHitBlock], hint| {
+            let mut rays = rays.to_vec();
+            embree.closest_hit(&mut rays, COUNT, hint);
+            rays
+        };
+        let (a, b) = (trace(&rays, Coherence::Incoherent), trace(&rays, Coherence::Coherent));
+        let c = trace(&moved, Coherence::Incoherent);
+        for i in 0..COUNT {
+            let (there, hit) = (place(i), a[i / LANES].hit(i % LANES));
+            assert_eq!(hit, b[i / LANES].hit(i % LANES), "{mode}: ray {i} and the hint");
+            assert_eq!(hit, c[there / LANES].hit(there % LANES), "{mode}: ray {i} and its neighbours");
         }
     }
 }
