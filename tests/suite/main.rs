@@ -1,1 +1,3 @@
-fn main() {}
+//! The integration suite: one module per theme.
+
+mod conformance;
