@@ -6,8 +6,8 @@
 //! faces are hit; `tnear ≤ t ≤ tfar` is inclusive. `t` is in units of the direction's length, never of its own.
 //! One source serves one triangle ([`RayShear::intersect`], the oracle) and blocks of N ([`RayShear::intersect_lanes`]):
 //! the operations and their order are the same, so the numbers are too (Rust never contracts to FMA by itself).
-//! Source: Woop, Benthin, Wald 2013 (JCGT 2:1); here the weights are divided before the depth is summed, so that 10¹⁸ m
-//! coordinates do not overflow. Limit: a triangle seen exactly edge-on is not hit (its neighbours are).
+//! Source: Woop, Benthin, Wald 2013 (JCGT 2:1); here weights are divided first and the depth is interpolated by
+//! differences: 10¹⁸ m coordinates do not overflow, and a plane across the ray is hit at its exact distance. Limit: a triangle seen exactly edge-on is not hit (its neighbours are).
 
 use glam::Vec3;
 
@@ -134,10 +134,11 @@ pub(crate) struct RayShear {
     kx: usize,
     ky: usize,
     kz: usize,
-    /// dir[kx]/dir[kz], dir[ky]/dir[kz], 1/dir[kz].
+    /// dir[kx]/dir[kz], dir[ky]/dir[kz].
     sx: f32,
     sy: f32,
-    sz: f32,
+    /// dir[kz].
+    dz: f32,
 }
 
 impl RayShear {
@@ -158,15 +159,7 @@ impl RayShear {
         if dir[kz] < 0.0 {
             (kx, ky) = (ky, kx);
         }
-        RayShear {
-            org: ray.org.to_array(),
-            kx,
-            ky,
-            kz,
-            sx: dir[kx] / dir[kz],
-            sy: dir[ky] / dir[kz],
-            sz: 1.0 / dir[kz],
-        }
+        RayShear { org: ray.org.to_array(), kx, ky, kz, sx: dir[kx] / dir[kz], sy: dir[ky] / dir[kz], dz: dir[kz] }
     }
 
     /// Tests one triangle.
@@ -204,10 +197,12 @@ impl RayShear {
         // Equal signs: the sum does not cancel. It is zero only for a triangle seen edge-on; 0/0 then fails below.
         for i in 0..N {
             let det = ea[i] + eb[i] + ec[i];
-            let (wa, wb, wc) = (ea[i] / det, eb[i] / det, ec[i] / det);
-            hits.t[i] = (wa * a[2][i] + wb * b[2][i] + wc * c[2][i]) * self.sz + 0.0;
-            hits.u[i] = wb + 0.0;
-            hits.v[i] = wc + 0.0;
+            let (u, v) = (eb[i] / det, ec[i] / det);
+            // Depth from differences: weights that do not quite add up to one cannot move the hit along the ray.
+            let depth = a[2][i] + (u * (b[2][i] - a[2][i]) + v * (c[2][i] - a[2][i]));
+            hits.t[i] = depth / self.dz + 0.0;
+            hits.u[i] = u + 0.0;
+            hits.v[i] = v + 0.0;
         }
         mask &= lane_mask::<N>(|i| (hits.t[i] >= tnear) & (hits.t[i] <= tfar));
         hits.mask = mask;
@@ -377,9 +372,9 @@ mod tests {
         let v = Vec3::new;
         let needle = [Vec3::ZERO, Vec3::X, v(0.5, 1e-30, 0.0)];
         let collinear = [
-            v(-1113.454_6, -79.049_614, -56.243_19),
-            v(-1113.454_6, -87.092_27, -56.243_19),
-            v(-1113.454_6, -79.209_015, -56.243_19),
+            v(-1_113.454_6, -79.049_614, -56.243_19),
+            v(-1_113.454_6, -87.092_27, -56.243_19),
+            v(-1_113.454_6, -79.209_015, -56.243_19),
         ];
         for bad in [[Vec3::X; 3], [Vec3::X, Vec3::Y, Vec3::X], needle, collinear, [Vec3::NAN, Vec3::X, Vec3::Y]] {
             assert!(is_degenerate(&bad), "{bad:?}");

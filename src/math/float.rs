@@ -147,7 +147,10 @@ impl Normal {
     fn object_error(&self, v0: Vec3, e1: Vec3, e2: Vec3, p: Vec3) -> f32 {
         let extent = e1.abs().max(e2.abs()).max((e2 - e1).abs());
         let test = (p - v0).abs().dot(self.products / self.length) * TEST_ROUNDING;
-        self.along(extent * EXTENT_ROUNDING) + test
+        // A triangle in a coordinate plane through the origin has no rounding at all, and a ray that starts exactly in
+        // its plane would meet it at t = 0: the offset is never nothing.
+        let floor = extent.max_element() * UNIT_ROUNDOFF;
+        (self.along(extent * EXTENT_ROUNDING) + test).max(floor)
     }
 }
 

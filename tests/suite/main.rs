@@ -2,7 +2,9 @@
 
 mod agreement;
 mod common;
+mod conformance;
 mod determinism;
+mod environments;
 mod lights;
 mod loading;
 mod meter;

@@ -1,0 +1,275 @@
+//! The conformance matrix: backend × query mode × {closest hit, any hit} × kinds of rays and scenes.
+//!
+//! Each cell is checked against `brute`, and `brute` against f64 ([`exact`]). A new backend is a line in [`RULES`]. Backends in
+//! Rust share one triangle test and must agree with `brute` in every bit; Embree must agree up to rounding: a differing
+//! hit has to be possible in f64 with no definite hit before it. Rates of failure that are allowed stand in the cases
+//! ([`Case::misses_allowed`]); everything else allows none. All seeds are fixed: a cell that passes always passes, so the
+//! false-alarm rate is 0. Query modes that a backend traces by the same code as one already tested are not repeated.
+//! Set `PATHSPACE_SKIP_BACKENDS=embree` to leave backends out; it is said aloud.
+
+mod closed;
+mod degenerate;
+mod exact;
+mod lanes;
+mod scenes;
+mod shapes;
+
+use std::fmt::Write as _;
+
+use glam::Vec3;
+use pathspace::backend::batch::{BLOCKED, Hit, LANES, RayBlock, RayHitBlock};
+use pathspace::backend::{self, Backend, BackendKind, BackendOptions, Coherence, QueryMode};
+use pathspace::scene::geometry::Geometry;
+
+/// How a backend's hits may differ from its oracle's.
+#[derive(Clone, Copy, PartialEq)]
+enum Rule {
+    /// In no bit.
+    Exact,
+    /// As far as f64 says that rounding allows.
+    Rounding,
+}
+
+/// One line per backend: what it is held to. `brute` is held against f64, the others against `brute`.
+const RULES: [(BackendKind, Rule); 3] =
+    [(BackendKind::Embree, Rule::Rounding), (BackendKind::Obvhs, Rule::Exact), (BackendKind::Brute, Rule::Rounding)];
+
+/// One ray.
+#[derive(Clone, Copy, Debug)]
+pub struct TestRay {
+    pub org: Vec3,
+    pub dir: Vec3,
+    pub tnear: f32,
+    pub tfar: f32,
+}
+
+impl TestRay {
+    fn new(org: Vec3, dir: Vec3) -> Self {
+        TestRay { org, dir, tnear: 0.0, tfar: f32::INFINITY }
+    }
+}
+
+/// A scene, rays, and what must come out.
+struct Case {
+    name: &'static str,
+    geometry: Geometry,
+    rays: Vec<TestRay>,
+    /// How many of the rays, from the first, are compared with the oracle hit by hit.
+    compared: usize,
+    /// Every ray must hit something.
+    must_hit: bool,
+    /// Part of the rays of a `must_hit` case that Embree may lose.
+    misses_allowed: f64,
+    /// Rays come in groups of four that differ in signs of zero only: equal bits are expected.
+    zero_groups: bool,
+}
+
+impl Case {
+    /// Every ray is compared; nothing else is demanded.
+    fn open(name: &'static str, geometry: Geometry, rays: Vec<TestRay>) -> Self {
+        let compared = rays.len();
+        Case { name, geometry, rays, compared, must_hit: false, misses_allowed: 0.0, zero_groups: false }
+    }
+
+    /// Every ray must hit; some hundred are compared with brute force too.
+    fn closed(name: &'static str, geometry: Geometry, rays: Vec<TestRay>) -> Self {
+        Case { compared: rays.len().min(500), must_hit: true, ..Case::open(name, geometry, rays) }
+    }
+}
+
+/// A backend in a mode.
+struct Row {
+    kind: BackendKind,
+    rule: Rule,
+    mode: QueryMode,
+}
+
+/// The backends of this build in every mode.
+fn rows() -> Vec<Row> {
+    let skip = std::env::var("PATHSPACE_SKIP_BACKENDS").unwrap_or_default();
+    let mut rows = Vec::new();
+    for &kind in BackendKind::available() {
+        if skip.split(',').any(|name| name == kind.name()) {
+            eprintln!("conformance: {} is left out by PATHSPACE_SKIP_BACKENDS", kind.name());
+            continue;
+        }
+        let rule = RULES.iter().find(|r| r.0 == kind).expect("every backend has a line in RULES").1;
+        rows.extend(QueryMode::ALL.map(|mode| Row { kind, rule, mode }));
+    }
+    rows
+}
+
+/// Builds a row's backend; `None` if it traces this mode by the code of an earlier one.
+fn build(row: &Row, geometry: &Geometry, traced: &mut Vec<(BackendKind, &'static str)>) -> Option<Box<dyn Backend>> {
+    let built = backend::build(row.kind, geometry, &BackendOptions::with_mode(row.mode)).expect("the backend builds");
+    let info = built.info();
+    assert_eq!(info.kind, row.kind);
+    assert_eq!((info.rays_incoherent, info.rays_coherent), (info.rays_shadow, info.rays_shadow));
+    let effective = (row.kind, info.rays_shadow);
+    if traced.contains(&effective) {
+        return None;
+    }
+    traced.push(effective);
+    Some(built)
+}
+
+/// Calls `check` with every backend in every mode that is a code of its own.
+fn each_backend(geometry: &Geometry, mut check: impl FnMut(&Row, &dyn Backend)) {
+    let mut traced = Vec::new();
+    for row in rows() {
+        if let Some(backend) = build(&row, geometry, &mut traced) {
+            check(&row, backend.as_ref());
+        }
+    }
+}
+
+/// Rays in blocks; lanes past the last ray are empty.
+fn pack(rays: &[TestRay]) -> Vec<RayHitBlock> {
+    let mut blocks = vec![RayHitBlock::EMPTY; rays.len().div_ceil(LANES)];
+    for (i, ray) in rays.iter().enumerate() {
+        let block = &mut blocks[i / LANES].ray;
+        block.set(i % LANES, ray.org, ray.dir, ray.tfar);
+        block.tnear[i % LANES] = ray.tnear;
+    }
+    blocks
+}
+
+/// The closest hit of every ray; no ray may count as invalid.
+fn closest(backend: &dyn Backend, rays: &[TestRay], hint: Coherence) -> Vec<Option<Hit>> {
+    let mut blocks = pack(rays);
+    assert_eq!(backend.closest_hit(&mut blocks, rays.len(), hint), 0, "valid rays were rejected");
+    (0..rays.len()).map(|i| blocks[i / LANES].hit(i % LANES)).collect()
+}
+
+/// Whether every ray is blocked.
+fn any(backend: &dyn Backend, rays: &[TestRay], hint: Coherence) -> Vec<bool> {
+    let mut blocks: Vec<RayBlock> = pack(rays).iter().map(|b| b.ray).collect();
+    assert_eq!(backend.any_hit(&mut blocks, rays.len(), hint), 0, "valid rays were rejected");
+    (0..rays.len()).map(|i| blocks[i / LANES].tfar[i % LANES] == BLOCKED).collect()
+}
+
+/// Outcome of one cell.
+#[derive(Default)]
+struct Cell {
+    rays: usize,
+    wrong: usize,
+    missed: usize,
+    missed_allowed: usize,
+    /// The first thing that was wrong.
+    example: String,
+}
+
+impl Cell {
+    fn wrong(&mut self, what: impl FnOnce() -> String) {
+        if self.wrong == 0 {
+            self.example = what();
+        }
+        self.wrong += 1;
+    }
+
+    fn passes(&self) -> bool {
+        self.wrong == 0 && self.missed <= self.missed_allowed
+    }
+}
+
+/// Bits of a hit, for comparing exactly.
+fn bits(hit: &Option<Hit>) -> Option<[u32; 6]> {
+    hit.map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.prim, h.geom, h.inst])
+}
+
+fn agree(case: &Case, row: &Row, ray: &TestRay, expected: &Option<Hit>, got: &Option<Hit>) -> bool {
+    bits(expected) == bits(got) || (row.rule == Rule::Rounding && exact::plausible(&case.geometry, ray, got.as_ref()))
+}
+
+/// Runs one query of one row over a case.
+fn cell(case: &Case, row: &Row, backend: &dyn Backend, oracle: &[Option<Hit>], query: Query) -> Cell {
+    // Brute force is slow: of closed scenes it gets the compared rays only.
+    let rays = if row.kind == BackendKind::Brute { &case.rays[..case.compared] } else { &case.rays[..] };
+    let mut cell = Cell { rays: rays.len(), ..Cell::default() };
+    if row.kind == BackendKind::Embree {
+        cell.missed_allowed = (case.misses_allowed * rays.len() as f64) as usize;
+    }
+    match query {
+        Query::Closest(hint) => {
+            let hits = closest(backend, rays, hint);
+            for ((ray, expected), got) in rays.iter().zip(oracle).zip(&hits) {
+                if !agree(case, row, ray, expected, got) {
+                    cell.wrong(|| format!("{ray:?}: expected {expected:?}, got {got:?}"));
+                }
+            }
+            if case.must_hit {
+                cell.missed = hits.iter().filter(|h| h.is_none()).count();
+            }
+            if case.zero_groups {
+                for (ray, group) in rays.iter().step_by(4).zip(hits.chunks_exact(4)) {
+                    if group.iter().any(|h| bits(h) != bits(&group[0])) {
+                        cell.wrong(|| format!("{ray:?}: signs of zero matter: {group:?}"));
+                    }
+                }
+            }
+        }
+        Query::Any(hint) => {
+            let blocked = any(backend, rays, hint);
+            for ((ray, expected), &got) in rays.iter().zip(oracle).zip(&blocked) {
+                let same = expected.is_some() == got;
+                if !same && (row.rule == Rule::Exact || !exact::plausible_any(&case.geometry, ray, got)) {
+                    cell.wrong(|| format!("{ray:?}: closest is {expected:?}, blocked = {got}"));
+                }
+            }
+            if case.must_hit {
+                cell.missed = blocked.iter().filter(|b| !**b).count();
+            }
+        }
+    }
+    cell
+}
+
+/// What is asked.
+#[derive(Clone, Copy, Debug)]
+enum Query {
+    Closest(Coherence),
+    Any(Coherence),
+}
+
+const QUERIES: [Query; 4] = [
+    Query::Closest(Coherence::Incoherent),
+    Query::Closest(Coherence::Coherent),
+    Query::Any(Coherence::Incoherent),
+    Query::Any(Coherence::Coherent),
+];
+
+/// Runs the matrix over `cases` and panics with its table if a cell fails.
+fn check(cases: &[Case]) {
+    let mut table = String::new();
+    let mut failed = 0;
+    for case in cases {
+        let brute =
+            backend::build(BackendKind::Brute, &case.geometry, &BackendOptions::default()).expect("brute builds");
+        let compared = &case.rays[..case.compared];
+        let by_brute = closest(brute.as_ref(), compared, Coherence::Incoherent);
+        let mut by_f64 = None;
+        each_backend(&case.geometry, |row, backend| {
+            let oracle = match row.kind {
+                BackendKind::Brute => {
+                    by_f64.get_or_insert_with(|| compared.iter().map(|r| exact::nearest(&case.geometry, r)).collect())
+                }
+                _ => &by_brute,
+            };
+            for query in QUERIES {
+                let cell = cell(case, row, backend, oracle, query);
+                let verdict = if cell.passes() { "ok  " } else { "FAIL" };
+                failed += usize::from(!cell.passes());
+                let Cell { rays, wrong, missed, missed_allowed, example } = cell;
+                let _ = writeln!(
+                    table,
+                    "{verdict} {:28} {:6} {:8} {:22} {rays:7} rays {wrong:6} wrong {missed:6} missed (≤ {missed_allowed}) {example}",
+                    case.name,
+                    row.kind.name(),
+                    row.mode.name(),
+                    format!("{query:?}"),
+                );
+            }
+        });
+    }
+    assert!(failed == 0, "{failed} cells of the conformance matrix fail\n{table}");
+}
