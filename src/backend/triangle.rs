@@ -18,6 +18,10 @@ use crate::scene::geometry::Placement;
 /// its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the edge's length.
 const LINE_HEIGHT: f64 = 1.0 / (1u64 << 40) as f64;
 
+/// A ray that starts closer to a triangle's plane than this fraction of the triangle's reach was spawned on it or on a
+/// neighbour in its plane: sixteen times the bound of `math::float::hit_error`.
+const AT_PLANE: f64 = 1.0 / (1u64 << 17) as f64;
+
 /// A ray as the backends that are written in Rust trace it. `dir` needs no unit length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
@@ -205,8 +209,34 @@ impl RayShear {
             hits.v[i] = v + 0.0;
         }
         mask &= lane_mask::<N>(|i| (hits.t[i] >= tnear) & (hits.t[i] <= tfar));
+        let mut candidates = mask;
+        while candidates != 0 {
+            let i = candidates.trailing_zeros() as usize;
+            candidates &= candidates - 1;
+            if self.leaves(&std::array::from_fn(|k| Vec3::new(tri[k][0][i], tri[k][1][i], tri[k][2][i]))) {
+                mask &= !(1 << i);
+            }
+        }
         hits.mask = mask;
         hits
+    }
+
+    /// Whether the ray starts within rounding of the triangle's plane and runs away from it. Seen nearly edge-on, the
+    /// sheared triangle is all rounding and could be "hit" by a ray that was spawned on it; the signs here are those of
+    /// f64 on the f32 inputs. Only rays that start at the plane are judged, so no mesh opens at a silhouette.
+    #[inline(always)]
+    fn leaves(&self, triangle: &[Vec3; 3]) -> bool {
+        let org = Vec3::from(self.org).as_dvec3();
+        let [a, b, c] = triangle.map(|v| v.as_dvec3() - org);
+        let n = (b - a).cross(c - a);
+        let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
+        let height = a.dot(n);
+        let mut dir = glam::DVec3::ZERO;
+        dir[self.kx] = f64::from(self.sx);
+        dir[self.ky] = f64::from(self.sy);
+        dir[self.kz] = 1.0;
+        let towards = dir.dot(n) * f64::from(self.dz);
+        height * towards < 0.0 && height.abs() <= AT_PLANE * extent * n.length()
     }
 
     /// Vertices relative to the origin, sheared so that the ray runs along the third axis.

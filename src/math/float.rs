@@ -149,7 +149,7 @@ impl Normal {
         let test = (p - v0).abs().dot(self.products / self.length) * TEST_ROUNDING;
         // A triangle in a coordinate plane through the origin has no rounding at all, and a ray that starts exactly in
         // its plane would meet it at t = 0: the offset is never nothing.
-        let floor = extent.max_element() * UNIT_ROUNDOFF;
+        let floor = extent.max_element() * (2.0 * UNIT_ROUNDOFF);
         (self.along(extent * EXTENT_ROUNDING) + test).max(floor)
     }
 }
