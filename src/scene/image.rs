@@ -31,34 +31,55 @@ pub(super) struct Rgba8 {
 
 /// Decodes a PNG or JPEG; which of them is told by the first bytes. The error says what was expected and found.
 pub(super) fn decode_rgba8(bytes: &[u8]) -> Result<Rgba8, String> {
-    let format = match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => {
-            return Err(format!(
-                "expected PNG or JPEG, found bytes that begin `{}`",
-                bytes[..bytes.len().min(8)].escape_ascii()
-            ));
-        }
-    };
-    let image = decode(bytes, format)?.into_rgba8();
+    let image = decode(bytes, png_or_jpeg(bytes)?)?.into_rgba8();
     let (width, height) = (image.width() as usize, image.height() as usize);
     let texels = image.as_raw().chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2], texel[3]]).collect();
     Ok(Rgba8 { width, height, texels })
 }
 
+/// Texels of a PNG or JPEG by its header, if they may be allocated.
+pub(super) fn texel_count(bytes: &[u8]) -> Result<u64, String> {
+    let limits = limits(DECODER_SLACK_BYTES);
+    let (width, height) = open(bytes, png_or_jpeg(bytes)?, limits)?.dimensions();
+    check_size(u64::from(width), u64::from(height), bytes.len())
+}
+
+fn png_or_jpeg(bytes: &[u8]) -> Result<ImageFormat, String> {
+    match image::guess_format(bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => Ok(format),
+        _ => Err(format!(
+            "expected PNG or JPEG, found bytes that begin `{}`",
+            bytes[..bytes.len().min(8)].escape_ascii()
+        )),
+    }
+}
+
 fn decode(bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, String> {
-    let broken = |reason: image::ImageError| format!("expected a valid {format:?} image, found {reason}");
-    let open = |limits: Limits| {
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        reader.limits(limits);
-        reader.into_decoder().map_err(broken)
-    };
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(DECODER_SLACK_BYTES);
-    let (width, height) = open(limits.clone())?.dimensions();
+    let (width, height) = open(bytes, format, limits(DECODER_SLACK_BYTES))?.dimensions();
     let texels = check_size(u64::from(width), u64::from(height), bytes.len())?;
-    limits.max_alloc = Some(16 * texels + DECODER_SLACK_BYTES);
-    DynamicImage::from_decoder(open(limits)?).map_err(broken)
+    let decoder = open(bytes, format, limits(16 * texels + DECODER_SLACK_BYTES))?;
+    DynamicImage::from_decoder(decoder).map_err(|reason| broken(format, &reason))
+}
+
+fn open(bytes: &[u8], format: ImageFormat, limits: Limits) -> Result<impl ImageDecoder + '_, String> {
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    reader.into_decoder().map_err(|reason| broken(format, &reason))
+}
+
+fn limits(bytes: u64) -> Limits {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(bytes);
+    limits
+}
+
+fn broken(format: ImageFormat, reason: &image::ImageError) -> String {
+    let name = match format {
+        ImageFormat::Png => "PNG",
+        ImageFormat::Jpeg => "JPEG",
+        _ => "Radiance .hdr",
+    };
+    format!("expected a valid {name}, found {reason}")
 }
 
 /// Texels of an image of this size, if they may be allocated.

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec4};
 use crate::scene::{ColorSpace, Texture, Wrap};
 pub use srgb::SRGB_TO_LINEAR;
 
-/// Value of a texture at `uv`: RGB in linear units, alpha as stored, all in [0,1].
+/// Value of a texture at `uv`: RGB in linear units, alpha as stored, all within 0 and 1.
 #[inline]
 pub fn lookup(texture: &Texture, uv: Vec2) -> Vec4 {
     let x = texel_coordinate(uv.x, texture.width, texture.wrap_u);

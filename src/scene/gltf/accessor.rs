@@ -170,6 +170,7 @@ impl<'d> Sparse<'d> {
         };
         let indices = packed("indices", sparse.indices.buffer_view.value(), sparse.indices.byte_offset.0, kind.size())?;
         let values = packed("values", sparse.values.buffer_view.value(), sparse.values.byte_offset.0, size)?;
+        document.charge(count, pointer)?;
         let chosen: Vec<usize> =
             indices.chunks_exact(kind.size()).map(|bytes| unsigned(bytes, kind) as usize).collect();
         if let Some(place) = chosen.windows(2).position(|pair| pair[0] >= pair[1]) {

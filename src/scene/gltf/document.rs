@@ -4,7 +4,7 @@
 //! that an error names the member it is about; the crate's own accessors, which trust indices, are not used.
 //! Limits: the JSON may nest 128 levels (the parser's limit); buffers and images are read from regular files only.
 
-use std::cell::{OnceCell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -15,6 +15,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::super::Warning;
+use super::json::{brief, culprit, glb_chunks, normalise_root, one_line};
 use super::uri::{self, Resource};
 use crate::error::{Error, Result};
 
@@ -30,26 +31,11 @@ const SUPPORTED: &[&str] = &[
     "KHR_mesh_quantization",
 ];
 
-/// Members that the `gltf` crate reads as 32-bit numbers by dropping the upper half.
-const NARROW_MEMBERS: &[&str] = &[
-    "buffer",
-    "bufferView",
-    "camera",
-    "componentType",
-    "index",
-    "indices",
-    "light",
-    "magFilter",
-    "material",
-    "mesh",
-    "minFilter",
-    "mode",
-    "sampler",
-    "source",
-    "target",
-    "wrapS",
-    "wrapT",
-];
+/// Triangles, instances and sparse elements that a file may make from each of its bytes. One triangle takes at least a byte (a
+/// strip of 8-bit indices), an instance a dozen; only sharing makes more, and four-fold sharing of everything is plenty …
+const WORK_PER_BYTE: u64 = 4;
+/// … but small files may share as much as they like, up to what costs half a gigabyte.
+const WORK_ALWAYS_ALLOWED: u64 = 1 << 22;
 
 /// A read file. All look-ups are checked; every error carries the file and a pointer.
 pub(super) struct Document {
@@ -62,6 +48,10 @@ pub(super) struct Document {
     /// Files read so far, so that a thousand buffers naming one file read it once.
     files: RefCell<HashMap<PathBuf, Arc<Vec<u8>>>>,
     warnings: RefCell<Vec<Warning>>,
+    /// Bytes read: the document and the buffers opened so far.
+    bytes_held: Cell<u64>,
+    /// Elements made from them so far.
+    work: Cell<u64>,
 }
 
 /// Bytes of a buffer view.
@@ -85,6 +75,7 @@ impl Document {
             problem: one_line(&problem),
         };
         let named_glb = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
+        let length = bytes.len() as u64;
         let is_glb = bytes.starts_with(b"glTF");
         if named_glb && !is_glb {
             let found = &bytes[..bytes.len().min(4)];
@@ -105,6 +96,8 @@ impl Document {
             buffers: Vec::new(),
             files: RefCell::default(),
             warnings: RefCell::default(),
+            bytes_held: Cell::new(length),
+            work: Cell::default(),
         };
         document.buffers.resize_with(document.table("buffers")?.len(), OnceCell::new);
         document.check_asset()?;
@@ -119,6 +112,22 @@ impl Document {
             pointer: one_line(pointer.as_ref()),
             problem: one_line(problem.as_ref()),
         }
+    }
+
+    /// Accounts for `amount` triangles, instances or sparse elements about to be made. A small file whose parts refer to each
+    /// other many times over would otherwise multiply into more than memory holds.
+    pub(super) fn charge(&self, amount: usize, pointer: &str) -> Result<()> {
+        let work = self.work.get().saturating_add(amount as u64);
+        let allowed = WORK_ALWAYS_ALLOWED.max(WORK_PER_BYTE.saturating_mul(self.bytes_held.get()));
+        if work > allowed {
+            let held = self.bytes_held.get();
+            let problem = format!(
+                "expected at most {allowed} triangles, instances and sparse elements from {held} bytes of file, found {work}"
+            );
+            return Err(self.error(pointer, problem));
+        }
+        self.work.set(work);
+        Ok(())
     }
 
     /// Notes something that does not stop the work.
@@ -223,6 +232,7 @@ impl Document {
                 Some(bytes) => bytes.as_slice(),
                 None => {
                     let bytes = self.resource(uri, &format!("{pointer}/uri"))?;
+                    self.bytes_held.set(self.bytes_held.get() + bytes.len() as u64);
                     slot.get_or_init(|| bytes).as_slice()
                 }
             },
@@ -293,120 +303,4 @@ impl Document {
         }
         Ok(())
     }
-}
-
-/// Where the JSON and the binary chunk of a GLB lie (glTF 2.0 §4.4).
-fn glb_chunks(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), String> {
-    let word = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
-    let version = word(4).ok_or("expected a GLB header of 12 bytes, found the end of the file")?;
-    let length = word(8).ok_or("expected a GLB header of 12 bytes, found the end of the file")? as usize;
-    if version != 2 {
-        return Err(format!("expected GLB version 2, found {version}"));
-    }
-    if length > bytes.len() {
-        return Err(format!("expected {length} bytes of GLB as its header says, found {}", bytes.len()));
-    }
-    let (mut json, mut binary, mut at) = (None, None, 12);
-    while at < length {
-        let (Some(size), Some(kind)) = (word(at), word(at + 4)) else {
-            return Err(format!("expected a chunk header at byte {at}, found the end of the file"));
-        };
-        let start = at + 8;
-        let end = start.checked_add(size as usize).filter(|&end| end <= length).ok_or_else(|| {
-            format!("expected a chunk of at most {} bytes at byte {at}, found {size}", length.saturating_sub(start))
-        })?;
-        match &kind.to_le_bytes() {
-            b"JSON" if json.is_none() => json = Some(start..end),
-            b"BIN\0" if binary.is_none() => binary = Some(start..end),
-            _ => {}
-        }
-        at = end;
-    }
-    Ok((json.ok_or("expected a JSON chunk in the GLB, found none")?, binary))
-}
-
-/// Drops `extras` (the crate cannot read them inside extensions; those of scenes are kept), and saturates numbers that it
-/// would wrap: index 2³² must not become index 0.
-fn normalise_root(root: &mut Value) {
-    let Value::Object(tables) = root else { return };
-    for (name, table) in tables.iter_mut() {
-        match table {
-            Value::Array(scenes) if name == "scenes" => {
-                let members = scenes.iter_mut().filter_map(Value::as_object_mut).flatten();
-                members.filter(|(name, _)| *name != "extras").for_each(|(_, member)| normalise(member));
-            }
-            other => normalise(other),
-        }
-    }
-}
-
-/// [`normalise_root`] below the root; the parser has bounded the depth.
-fn normalise(value: &mut Value) {
-    match value {
-        Value::Array(items) => items.iter_mut().for_each(normalise),
-        Value::Object(members) => {
-            members.remove("extras");
-            for (name, member) in members.iter_mut() {
-                if NARROW_MEMBERS.contains(&name.as_str()) {
-                    saturate(member);
-                } else if let ("attributes", Value::Object(semantics)) = (name.as_str(), &mut *member) {
-                    semantics.values_mut().for_each(saturate);
-                }
-                normalise(member);
-            }
-        }
-        _ => {}
-    }
-}
-
-fn saturate(value: &mut Value) {
-    if value.as_u64().is_some_and(|number| number > u64::from(u32::MAX)) {
-        *value = u32::MAX.into();
-    }
-}
-
-/// Path below `value` of the member because of which it does not convert to `T`: the one whose removal changes the message.
-fn culprit<T: DeserializeOwned>(value: &Value, message: &str) -> String {
-    /// More members than any glTF object has; the search costs a conversion for each.
-    const MEMBERS: usize = 64;
-    let mut path = String::new();
-    while let Some(Value::Object(members)) = value.pointer(&path) {
-        let guilty = members.keys().take(MEMBERS).find(|name| {
-            let mut without = value.clone();
-            if let Some(Value::Object(members)) = without.pointer_mut(&path) {
-                members.remove(*name);
-            }
-            !matches!(T::deserialize(&without), Err(reason) if reason.to_string() == message)
-        });
-        match guilty {
-            Some(name) => path = format!("{path}/{}", name.replace('~', "~0").replace('/', "~1")),
-            None => break,
-        }
-    }
-    path
-}
-
-/// A JSON value in a few characters.
-pub(super) fn brief(value: &Value) -> String {
-    const SHOWN: usize = 40;
-    match value {
-        Value::Array(items) => format!("an array of {}", items.len()),
-        Value::Object(_) => "an object".into(),
-        other => {
-            let text = other.to_string();
-            match text.char_indices().nth(SHOWN) {
-                Some((end, _)) => format!("{}…", &text[..end]),
-                None => text,
-            }
-        }
-    }
-}
-
-/// Errors and warnings are one line each, whatever a file's strings contain.
-fn one_line(text: &str) -> String {
-    const LONGEST: usize = 500;
-    text.chars()
-        .take(LONGEST)
-        .flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] })
-        .collect()
 }

@@ -3,6 +3,7 @@
 //! Source: glTF 2.0 §3.8 and §5.29 (samplers). An image read both as colour and as data becomes two textures that share
 //! their texels. Limit: minification filters are not used (a path tracer filters by sampling the pixel).
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
@@ -10,10 +11,13 @@ use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::{Image, Texture as JsonTexture, texture::Sampler};
 use rayon::prelude::*;
 
-use super::super::image::{Rgba8, decode_rgba8};
+use super::super::image::{Rgba8, decode_rgba8, texel_count};
 use super::super::{ColorSpace, Texture, TextureId, Wrap};
 use super::document::{Document, View};
-use crate::error::Result;
+use crate::error::{Error, Result};
+
+/// Texels of all images together: 16 GB decoded.
+const MOST_TEXELS_IN_ALL: u64 = 1 << 32;
 
 /// Textures asked for so far, not yet decoded.
 #[derive(Default)]
@@ -74,15 +78,23 @@ impl TextureTable {
     pub(super) fn decode(self, document: &Document) -> Result<Vec<Texture>> {
         let mut sources: BTreeMap<usize, Bytes<'_>> = BTreeMap::new();
         for request in &self.requests {
-            if !sources.contains_key(&request.image) {
-                sources.insert(request.image, image_bytes(document, request.image)?);
+            if let Entry::Vacant(place) = sources.entry(request.image) {
+                place.insert(image_bytes(document, request.image)?);
+            }
+        }
+        let mut texels = 0u64;
+        for (&image, bytes) in &sources {
+            texels += texel_count(bytes.as_slice()).map_err(|problem| broken(document, image, &problem))?;
+            if texels > MOST_TEXELS_IN_ALL {
+                let problem = format!("expected at most {MOST_TEXELS_IN_ALL} texels in all images, found more");
+                return Err(broken(document, image, &problem));
             }
         }
         let decoded: Vec<(usize, Result<Rgba8, String>)> =
             sources.into_par_iter().map(|(image, bytes)| (image, decode_rgba8(bytes.as_slice()))).collect();
         let mut images: HashMap<usize, Rgba8> = HashMap::new();
         for (image, result) in decoded {
-            images.insert(image, result.map_err(|problem| document.error(image_pointer(document, image), problem))?);
+            images.insert(image, result.map_err(|problem| broken(document, image, &problem))?);
         }
         let texture = |request: Request| {
             let image = &images[&request.image];
@@ -130,13 +142,13 @@ fn image_bytes(document: &Document, index: usize) -> Result<Bytes<'_>> {
     }
 }
 
-/// Pointer of an image, with its file where it has one, so that the message names it.
-fn image_pointer(document: &Document, index: usize) -> String {
+/// The error for an image that cannot be decoded; it names the image's file, if that is another one.
+fn broken(document: &Document, index: usize, problem: &str) -> Error {
     let pointer = format!("/images/{index}");
     let uri = document.value(&format!("{pointer}/uri")).and_then(|uri| uri.as_str());
     match uri.filter(|uri| !uri.starts_with("data:")) {
-        Some(_) => format!("{pointer}/uri"),
-        None => pointer,
+        Some(uri) => document.error(format!("{pointer}/uri"), format!("{uri}: {problem}")),
+        None => document.error(pointer, problem),
     }
 }
 

@@ -39,7 +39,7 @@ pub(super) fn read(
     };
     let mode = document.checked(primitive.mode, &reader.at("mode"))?;
     let mut topology = topology::read(document, mode, indices.as_ref(), positions.count, place.pointer)?;
-    dropped.points_and_lines += topology.points_and_lines;
+    dropped.points_and_lines = dropped.points_and_lines.saturating_add(topology.points_and_lines);
 
     let at = |vertex: u32| Vec3::from_array(positions.vector(vertex as usize));
     if let Some(&vertex) = topology.vertices.iter().find(|&&vertex| !at(vertex).is_finite()) {

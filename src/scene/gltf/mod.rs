@@ -9,6 +9,7 @@ mod accessor;
 mod camera;
 mod document;
 mod image;
+mod json;
 mod light;
 mod material;
 mod mesh;

@@ -7,7 +7,8 @@
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
 
-use super::document::{Document, brief};
+use super::document::Document;
+use super::json::brief;
 use crate::error::Result;
 
 /// A node that carries something.

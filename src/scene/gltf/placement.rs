@@ -16,9 +16,6 @@ const FAR_IN_DIAGONALS: f64 = 16.0;
 /// Largest world coordinate: beyond it the squares in ray–triangle tests overflow f32 (√f32::MAX ≈ 1.8e19; Embree itself
 /// drops vertices beyond 1.8e18).
 const LARGEST_COORDINATE_M: f64 = 1e18;
-/// A mesh of many primitives on many nodes multiplies; this many instances are 2 GB.
-const MOST_INSTANCES: usize = 1 << 24;
-
 /// All placements of the scene.
 pub(super) struct Placement {
     pub(super) instances: Vec<Instance>,
@@ -36,22 +33,28 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
     let mut collapsed = 0;
     for node in nodes {
         let ids = node.mesh.and_then(|mesh| meshes.of_gltf_mesh.get(&mesh)).map_or(&[][..], Vec::as_slice);
-        // A node scaled to nothing (how files hide things) has no inverse and shows nothing.
-        if !ids.is_empty() && !is_invertible(&node.world_from_node) {
-            collapsed += 1;
+        if ids.is_empty() {
             continue;
         }
-        if placed.len() + ids.len() > MOST_INSTANCES {
+        document.charge(ids.len(), &node.pointer)?;
+        let linear = node.world_from_node.matrix3.as_mat3();
+        if !linear.is_finite() {
             return Err(
-                document.error(&node.pointer, format!("expected at most {MOST_INSTANCES} instances, found more"))
+                document.error(&node.pointer, "expected a scale that 32-bit floats can hold, found a larger one")
             );
+        }
+        // A node scaled to nothing (how files hide things) has no inverse and shows nothing.
+        if linear.determinant() == 0.0 || !linear.inverse().is_finite() {
+            collapsed += 1;
+            continue;
         }
         for &id in ids {
             let (low, high) = bounds[id.index()];
             for corner in 0..8 {
                 let choose = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
                 let point = node.world_from_node.transform_point3(DVec3::new(choose(0), choose(1), choose(2)));
-                if point.abs().max_element() > LARGEST_COORDINATE_M {
+                // Also true of NaN, which overflow may leave.
+                if !point.abs().cmple(DVec3::splat(LARGEST_COORDINATE_M)).all() {
                     let problem = format!("expected world coordinates up to {LARGEST_COORDINATE_M:e} m, found {point}");
                     return Err(document.error(&node.pointer, problem));
                 }
@@ -91,12 +94,6 @@ fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {
         let position = position.as_dvec3();
         (least.min(position), most.max(position))
     })
-}
-
-/// Whether the f32 placement has a finite inverse.
-fn is_invertible(world: &DAffine3) -> bool {
-    let placement = to_f32(world);
-    placement.is_finite() && placement.matrix3.determinant().abs() > 0.0 && placement.inverse().is_finite()
 }
 
 fn to_f32(world: &DAffine3) -> Affine3A {

@@ -118,7 +118,9 @@ impl mikktspace::Geometry for Corners<'_> {
     }
 
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
-        self.uvs[self.vertex(face, corner)].to_array()
+        // glTF's v runs down the image and its bitangent up (green is +Y): without the flip every sign would be the other.
+        let uv = self.uvs[self.vertex(face, corner)];
+        [uv.x, -uv.y]
     }
 
     fn set_tangent_encoded(&mut self, tangent: [f32; 4], face: usize, corner: usize) {
@@ -143,19 +145,20 @@ mod tests {
         }
     }
 
-    /// Oracle: ∂P/∂u of a planar mapping. glTF's v runs down, so that w is +1 when u runs right and v down. No randomness.
+    /// Oracle: ∂P/∂u of a planar mapping, and w so that cross(n, t)·w points up the image. No randomness.
     #[test]
     fn planar_mapping_gives_its_own_axes() {
         let mut mesh = quad([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
         generate(&mut mesh).expect("a quad has tangents");
         assert_eq!((mesh.positions.len(), mesh.normals.as_deref()), (4, Some(&[Vec3::Z; 4][..])));
         for tangent in mesh.tangents.expect("generated") {
-            assert!((tangent.truncate() - Vec3::X).length() < 1e-6, "{tangent}");
+            assert!((tangent - Vec3::X.extend(1.0)).length() < 1e-6, "{tangent}");
         }
         let mut turned = quad([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
         generate(&mut turned).expect("a quad has tangents");
         for tangent in turned.tangents.expect("generated") {
-            assert!((tangent.truncate() - Vec3::Y).length() < 1e-6, "{tangent}");
+            // u runs along +Y and v along +X, so that up the image is −X = cross(Z, Y).
+            assert!((tangent - Vec3::Y.extend(1.0)).length() < 1e-6, "{tangent}");
         }
     }
 

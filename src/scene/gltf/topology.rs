@@ -52,13 +52,14 @@ pub(super) fn read(
         }
         Ok(vertex)
     };
-    if mode == Mode::Triangles && count % 3 != 0 {
+    if mode == Mode::Triangles && !count.is_multiple_of(3) {
         document.warn(
             pointer,
             format!("has {count} corners, which is not a multiple of 3; the last {} are ignored", count % 3),
         );
     }
     let number = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
+    document.charge(number, pointer)?;
     let mut triangles = Vec::with_capacity(number);
     for n in 0..number {
         let corners = match mode {

@@ -1,0 +1,143 @@
+//! The raw material of a document: GLB chunks, JSON made safe for the `gltf` crate's types, and short texts about values.
+
+use std::ops::Range;
+
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+/// Members that the `gltf` crate reads as 32-bit numbers by dropping the upper half.
+const NARROW_MEMBERS: &[&str] = &[
+    "buffer",
+    "bufferView",
+    "camera",
+    "componentType",
+    "index",
+    "indices",
+    "light",
+    "magFilter",
+    "material",
+    "mesh",
+    "minFilter",
+    "mode",
+    "sampler",
+    "source",
+    "target",
+    "wrapS",
+    "wrapT",
+];
+
+/// Where the JSON and the binary chunk of a GLB lie (glTF 2.0 §4.4).
+pub(super) fn glb_chunks(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), String> {
+    let word = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
+    let version = word(4).ok_or("expected a GLB header of 12 bytes, found the end of the file")?;
+    let length = word(8).ok_or("expected a GLB header of 12 bytes, found the end of the file")? as usize;
+    if version != 2 {
+        return Err(format!("expected GLB version 2, found {version}"));
+    }
+    if length > bytes.len() {
+        return Err(format!("expected {length} bytes of GLB as its header says, found {}", bytes.len()));
+    }
+    let (mut json, mut binary, mut at) = (None, None, 12);
+    while at < length {
+        let (Some(size), Some(kind)) = (word(at), word(at + 4)) else {
+            return Err(format!("expected a chunk header at byte {at}, found the end of the file"));
+        };
+        let start = at + 8;
+        let end = start.checked_add(size as usize).filter(|&end| end <= length).ok_or_else(|| {
+            format!("expected a chunk of at most {} bytes at byte {at}, found {size}", length.saturating_sub(start))
+        })?;
+        match &kind.to_le_bytes() {
+            b"JSON" if json.is_none() => json = Some(start..end),
+            b"BIN\0" if binary.is_none() => binary = Some(start..end),
+            _ => {}
+        }
+        at = end;
+    }
+    Ok((json.ok_or("expected a JSON chunk in the GLB, found none")?, binary))
+}
+
+/// Drops `extras` (the crate cannot read them inside extensions; those of scenes are kept), and saturates numbers that it
+/// would wrap: index 2³² must not become index 0.
+pub(super) fn normalise_root(root: &mut Value) {
+    let Value::Object(tables) = root else { return };
+    for (name, table) in tables.iter_mut() {
+        match table {
+            Value::Array(scenes) if name == "scenes" => {
+                let members = scenes.iter_mut().filter_map(Value::as_object_mut).flatten();
+                members.filter(|(name, _)| *name != "extras").for_each(|(_, member)| normalise(member));
+            }
+            other => normalise(other),
+        }
+    }
+}
+
+/// [`normalise_root`] below the root; the parser has bounded the depth.
+fn normalise(value: &mut Value) {
+    match value {
+        Value::Array(items) => items.iter_mut().for_each(normalise),
+        Value::Object(members) => {
+            members.remove("extras");
+            for (name, member) in members.iter_mut() {
+                if NARROW_MEMBERS.contains(&name.as_str()) {
+                    saturate(member);
+                } else if let ("attributes", Value::Object(semantics)) = (name.as_str(), &mut *member) {
+                    semantics.values_mut().for_each(saturate);
+                }
+                normalise(member);
+            }
+        }
+        _ => {}
+    }
+}
+
+fn saturate(value: &mut Value) {
+    if value.as_u64().is_some_and(|number| number > u64::from(u32::MAX)) {
+        *value = u32::MAX.into();
+    }
+}
+
+/// Path below `value` of the member because of which it does not convert to `T`: the one whose removal changes the message.
+pub(super) fn culprit<T: DeserializeOwned>(value: &Value, message: &str) -> String {
+    /// More members than any glTF object has; the search costs a conversion for each.
+    const MEMBERS: usize = 64;
+    let mut path = String::new();
+    while let Some(Value::Object(members)) = value.pointer(&path) {
+        let guilty = members.keys().take(MEMBERS).find(|name| {
+            let mut without = value.clone();
+            if let Some(Value::Object(members)) = without.pointer_mut(&path) {
+                members.remove(*name);
+            }
+            !matches!(T::deserialize(&without), Err(reason) if reason.to_string() == message)
+        });
+        match guilty {
+            Some(name) => path = format!("{path}/{}", name.replace('~', "~0").replace('/', "~1")),
+            None => break,
+        }
+    }
+    path
+}
+
+/// A JSON value in a few characters.
+pub(super) fn brief(value: &Value) -> String {
+    const SHOWN: usize = 40;
+    match value {
+        Value::Array(items) => format!("an array of {}", items.len()),
+        Value::Object(_) => "an object".into(),
+        other => {
+            let text = other.to_string();
+            match text.char_indices().nth(SHOWN) {
+                Some((end, _)) => format!("{}…", &text[..end]),
+                None => text,
+            }
+        }
+    }
+}
+
+/// Errors and warnings are one line each, whatever a file's strings contain.
+pub(super) fn one_line(text: &str) -> String {
+    const LONGEST: usize = 500;
+    text.chars()
+        .take(LONGEST)
+        .flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] })
+        .collect()
+}
