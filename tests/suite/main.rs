@@ -1,1 +1,4 @@
-fn main() {}
+//! The test suite: one module per theme.
+
+mod cli;
+mod film;
