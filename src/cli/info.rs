@@ -106,20 +106,19 @@ struct CameraRecord {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<u8> {
-    let loaded = job::load(&args.scene, None)?;
-    let scene = &loaded.scene;
+    let scene = &job::load(&args.scene, None)?;
     let (width, height) = job::picture_size(None, None, scene, scene.cameras.first());
     let options = RenderOptions { threads: job::default_threads(), ..RenderOptions::new(width, height) };
     let renderer = Renderer::new(scene, options)?;
     let record = InfoRecord {
         scene: scene_record(scene, [width, height]),
         plan: PlanRecord::of(renderer.plan(), renderer.backend_info()),
-        warnings: loaded.warnings.iter().map(warning_text).collect(),
+        warnings: scene.warnings.iter().map(warning_text).collect(),
     };
     if args.json {
         print(&to_json(&record))?;
     } else {
-        Verbosity::Normal.warnings(&loaded.warnings);
+        Verbosity::Normal.warnings(&scene.warnings);
         print(&text(&record, renderer.backend_info()))?;
     }
     Ok(EXIT_OK)

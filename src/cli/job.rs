@@ -66,15 +66,6 @@ impl Outputs {
     }
 }
 
-/// A scene as it will be rendered.
-#[derive(Debug)]
-pub struct Loaded {
-    /// The scene, with an environment if it needs or was given one.
-    pub scene: Scene,
-    /// The loader's warnings and ours.
-    pub warnings: Vec<Warning>,
-}
-
 /// `--env` and what goes with it.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvironmentRequest<'a> {
@@ -98,19 +89,18 @@ impl<'a> EnvironmentRequest<'a> {
 }
 
 /// Loads a scene and its environment. A scene without any light gets a constant white one, and a warning.
-pub fn load(path: &Path, environment: Option<EnvironmentRequest>) -> Result<Loaded> {
+pub fn load(path: &Path, environment: Option<EnvironmentRequest>) -> Result<Scene> {
     let mut scene = load_scene(path)?;
-    let mut warnings = std::mem::take(&mut scene.warnings);
     if let Some(request) = environment {
-        scene.environment = Some(load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)?);
+        load_environment(&mut scene, &request)?;
     } else if !has_light(&scene) {
         scene.environment = Some(white_environment());
-        warnings.push(Warning {
+        scene.warnings.push(Warning {
             place: path.display().to_string(),
             what: "no light of any kind: lit by a constant white environment of radiance 1".into(),
         });
     }
-    Ok(Loaded { scene, warnings })
+    Ok(scene)
 }
 
 fn load_scene(path: &Path) -> Result<Scene> {
@@ -120,9 +110,9 @@ fn load_scene(path: &Path) -> Result<Scene> {
     Err(Error::InvalidScene { file: path.into(), pointer: "/".into(), problem })
 }
 
-fn load_environment(path: &Path, _rotation_rad: f32, _intensity: f32) -> Result<Environment> {
-    // At the merge: crate::scene::image::load_environment(path, rotation_rad, intensity)
-    Err(Error::Image { path: path.into(), problem: "this branch has no environment loader".into() })
+fn load_environment(_scene: &mut Scene, request: &EnvironmentRequest) -> Result<()> {
+    // At the merge: scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)
+    Err(Error::Image { path: request.path.into(), problem: "this branch has no environment loader".into() })
 }
 
 /// Whether anything in the scene shines: an emissive surface that is placed, a punctual light, an environment.
@@ -192,7 +182,7 @@ fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
 }
 
 /// The camera that a choice means, if the scene has it.
-pub fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
+fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
     match choice {
         CameraChoice::First => scene.cameras.first(),
         CameraChoice::Index(index) => scene.cameras.get(*index),

@@ -14,9 +14,8 @@ use super::{EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, to_json};
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::atomic::write_atomically;
-use crate::film::exr::ExrOptions;
-use crate::film::view::ViewMatrices;
-use crate::render::{Render, RenderOptions, Renderer, StopReason};
+use crate::film::exr::{ExrOptions, ViewMatrices};
+use crate::render::{Render, Renderer, StopReason};
 use crate::scene::Scene;
 use crate::stats::{Inputs, Seconds, Stats};
 
@@ -35,9 +34,8 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let signals = Signals::listen()?;
     let outputs = Outputs::check(args)?;
 
-    let loaded = job::load(&args.scene, EnvironmentRequest::of(args))?;
-    let scene = &loaded.scene;
-    verbosity.warnings(&loaded.warnings);
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(args))?;
+    verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
     let options = job::options(args, scene);
@@ -59,7 +57,7 @@ fn render(args: &RenderArgs) -> Result<u8> {
 
     let writing = Instant::now();
     let written = if render.film.spp().max > 0 {
-        let exr = exr_options(args, scene, &options, &render, &renderer, &record);
+        let exr = exr_options(args, scene, &render, &renderer, &record);
         write_pictures(&outputs, &render.film, &exr, args.exposure)?
     } else {
         verbosity.note("pathspace: warning: stopped before the first sample; no picture was written");
@@ -98,23 +96,26 @@ fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option
 fn exr_options(
     args: &RenderArgs,
     scene: &Scene,
-    options: &RenderOptions,
     render: &Render,
     renderer: &Renderer,
     record: &PlanRecord,
 ) -> ExrOptions {
     let backend = renderer.backend_info();
-    let camera = job::camera_of(scene, &options.camera);
     ExrOptions {
         aovs: args.aov.clone(),
         render_seconds: Some(render.render_time.as_secs_f64()),
-        view: camera.map(|camera| ViewMatrices::new(camera, scene.origin, render.film.resolution)),
-        seed: Some(options.seed),
+        view: view_matrices(renderer, scene),
+        seed: Some(args.seed),
         sample_range: Some((0, render.film.spp().max)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
         isa: Some(backend.isa.clone()),
         plan: serde_json::to_string(record).ok(),
     }
+}
+
+fn view_matrices(_renderer: &Renderer, _scene: &Scene) -> Option<ViewMatrices> {
+    // At the merge, from renderer.camera().world_to_camera(scene.origin) and .world_to_ndc(scene.origin)
+    None
 }
 
 fn write_pictures(outputs: &Outputs, film: &Film, exr: &ExrOptions, exposure_ev: f32) -> Result<Vec<PathBuf>> {

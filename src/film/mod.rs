@@ -10,7 +10,6 @@ pub mod atomic;
 pub mod exr;
 pub mod filter;
 pub mod png;
-pub mod view;
 
 use crate::render::Crop;
 

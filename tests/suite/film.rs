@@ -5,8 +5,7 @@ use exr::prelude::{
     WritableImage, read_first_flat_layer_from_file,
 };
 use pathspace::Error;
-use pathspace::film::exr::{Aov, ExrOptions, read_exr};
-use pathspace::film::view::ViewMatrices;
+use pathspace::film::exr::{Aov, ExrOptions, ViewMatrices, read_exr};
 use pathspace::film::{Film, Pixel};
 use pathspace::render::Crop;
 
