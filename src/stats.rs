@@ -1,1 +1,294 @@
-//! Statistics of a render as JSON (filled in by its owner).
+//! Statistics of a render as JSON, schema 1. Keys and their order are a contract: keys may be added behind the others,
+//! never renamed. Units are in the names; times are wall seconds, rates are 10⁶ per second of `seconds.render`.
+
+use serde::Serialize;
+
+use crate::backend::BackendInfo;
+use crate::plan::{Bias, Effects, RenderPlan};
+use crate::render::{Render, RenderOptions};
+use crate::scene::Scene;
+
+/// Version of the keys below.
+pub const SCHEMA: u32 = 1;
+
+/// Everything `--stats` writes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stats {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// "render".
+    pub command: &'static str,
+    /// What was loaded.
+    pub scene: SceneStats,
+    /// Wall times.
+    pub seconds: Seconds,
+    /// Columns and rows of the full image.
+    pub resolution: [u32; 2],
+    /// Samples per pixel that were rendered.
+    pub spp: SppStats,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Worker threads.
+    pub threads: usize,
+    /// Camera paths begun.
+    pub paths: u64,
+    /// Rays by class.
+    pub rays: RayStats,
+    /// Millions of camera paths per second.
+    pub mpaths_per_s: f64,
+    /// Millions of rays of all classes per second.
+    pub mrays_per_s: f64,
+    /// Largest resident memory of the process so far, bytes; `null` where the system does not say.
+    pub peak_rss_bytes: Option<u64>,
+    /// Samples that were not finite and entered the film as 0.
+    pub nonfinite: u64,
+    /// "spp", "time", "error" or "signal".
+    pub stop: &'static str,
+    /// What traced.
+    pub backend: BackendStats,
+    /// What the scene asks for, and what was done about it.
+    pub effects: Effects,
+    /// Known biases.
+    pub bias: Vec<Bias>,
+    /// The film's estimate of its own error; `null` until both halves of the film have samples.
+    pub error: Option<ErrorStats>,
+    /// The first non-finite samples: pixel of the full image and sample index, for replay.
+    pub nonfinite_first: Vec<NonFiniteStats>,
+    /// Rays refused because a component was NaN, infinite or out of range.
+    pub invalid_rays: u64,
+    /// Paths ended by the depth limit.
+    pub capped_paths: u64,
+    /// Fingerprint of the film's sums, hexadecimal: equal films have equal hashes.
+    pub film_hash: String,
+}
+
+/// Counts of a scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SceneStats {
+    /// The file.
+    pub file: String,
+    /// Triangles over all placements.
+    pub triangles: u64,
+    /// Placements of meshes.
+    pub instances: usize,
+    /// Materials.
+    pub materials: usize,
+    /// Emissive triangles, punctual lights and the environment: everything that light sampling chooses from.
+    pub lights: u64,
+    /// Textures.
+    pub textures: usize,
+}
+
+/// Wall times in seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Reading and checking the scene and its images.
+    pub load: f64,
+    /// Acceleration structure and light tables.
+    pub build: f64,
+    /// Passes of samples.
+    pub render: f64,
+    /// Writing pictures.
+    pub write: f64,
+    /// From the start of the process's work to the end of writing.
+    pub total: f64,
+}
+
+/// Samples per pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SppStats {
+    /// Of the pixel with the fewest.
+    pub min: u64,
+    /// Mean.
+    pub mean: f64,
+    /// Of the pixel with the most.
+    pub max: u64,
+}
+
+/// Rays by class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct RayStats {
+    /// Camera rays.
+    pub camera: u64,
+    /// Rays after a scattering.
+    pub bounce: u64,
+    /// Shadow rays.
+    pub shadow: u64,
+}
+
+/// What traced.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct BackendStats {
+    /// "embree", "obvhs" or "brute".
+    pub name: &'static str,
+    /// Version of the library behind it.
+    pub version: String,
+    /// Instruction set that ran.
+    pub isa: String,
+    /// Effective query mode; where the ray classes differ, `camera/bounce/shadow`.
+    pub rays: String,
+    /// Bytes of the acceleration structure, as far as the backend knows.
+    pub bvh_bytes: u64,
+}
+
+/// The estimate of the error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ErrorStats {
+    /// Estimated relMSE.
+    pub relmse: f64,
+    /// Mean over pixels and channels of the pixel's standard error, in units of radiance.
+    pub stderr_mean: f64,
+    /// Confidence level of `interval`.
+    pub confidence: f64,
+    /// Interval that covers relMSE with that confidence.
+    pub interval: [f64; 2],
+    /// ε of relMSE.
+    pub epsilon: f64,
+}
+
+/// Where a non-finite sample was met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct NonFiniteStats {
+    /// Pixel of the full image.
+    pub pixel: [u32; 2],
+    /// Sample index.
+    pub sample: u64,
+}
+
+impl SceneStats {
+    /// Counts `scene`.
+    pub fn of(scene: &Scene) -> Self {
+        let emissive = |instance: &crate::scene::Instance| {
+            let mesh = &scene.meshes[instance.mesh.index()];
+            let emits = scene.materials.get(mesh.material.index()).is_some_and(|m| m.is_emissive());
+            if emits { mesh.triangles.len() as u64 } else { 0 }
+        };
+        let surfaces: u64 = scene.instances.iter().map(emissive).sum();
+        SceneStats {
+            file: scene.file.display().to_string(),
+            triangles: scene.triangle_count(),
+            instances: scene.instances.len(),
+            materials: scene.materials.len(),
+            lights: surfaces + scene.punctual.len() as u64 + u64::from(scene.environment.is_some()),
+            textures: scene.textures.len(),
+        }
+    }
+}
+
+impl BackendStats {
+    /// What `info` says.
+    pub fn of(info: &BackendInfo) -> Self {
+        let (camera, bounce, shadow) = (info.rays_coherent, info.rays_incoherent, info.rays_shadow);
+        let same = camera == bounce && bounce == shadow;
+        BackendStats {
+            name: info.kind.name(),
+            version: info.version.clone(),
+            isa: info.isa.clone(),
+            rays: if same { camera.to_string() } else { format!("{camera}/{bounce}/{shadow}") },
+            bvh_bytes: info.bvh_bytes,
+        }
+    }
+}
+
+/// What the statistics are made of.
+pub struct Inputs<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The options, with the number of threads resolved.
+    pub options: &'a RenderOptions,
+    /// The plan.
+    pub plan: &'a RenderPlan,
+    /// The backend.
+    pub backend: &'a BackendInfo,
+    /// The finished render.
+    pub render: &'a Render,
+    /// Wall times.
+    pub seconds: Seconds,
+}
+
+impl Stats {
+    /// Gathers the statistics of one `render`.
+    pub fn new(inputs: &Inputs) -> Self {
+        let Inputs { scene, options, plan, backend, render, seconds } = inputs;
+        let (film, counters) = (&render.film, &render.counters);
+        let spp = film.spp();
+        let rays =
+            RayStats { camera: counters.rays_camera, bounce: counters.rays_bounce, shadow: counters.rays_shadow };
+        let per_second = |count: u64| if seconds.render > 0.0 { count as f64 * 1e-6 / seconds.render } else { 0.0 };
+        Stats {
+            schema: SCHEMA,
+            command: "render",
+            scene: SceneStats::of(scene),
+            seconds: *seconds,
+            resolution: [film.resolution.0, film.resolution.1],
+            spp: SppStats { min: spp.min, mean: spp.mean, max: spp.max },
+            seed: options.seed,
+            threads: options.threads,
+            paths: counters.paths,
+            rays,
+            mpaths_per_s: per_second(counters.paths),
+            mrays_per_s: per_second(rays.camera + rays.bounce + rays.shadow),
+            peak_rss_bytes: peak_rss_bytes(),
+            nonfinite: counters.nonfinite,
+            stop: render.stop.name(),
+            backend: BackendStats::of(backend),
+            effects: plan.effects.clone(),
+            bias: plan.bias.clone(),
+            error: film.error_estimate().map(|e| ErrorStats {
+                relmse: e.relmse,
+                stderr_mean: e.stderr_mean,
+                confidence: 0.95,
+                interval: e.interval,
+                epsilon: e.epsilon,
+            }),
+            nonfinite_first: counters
+                .nonfinite_first
+                .iter()
+                .map(|n| NonFiniteStats { pixel: [n.pixel.0, n.pixel.1], sample: n.sample })
+                .collect(),
+            invalid_rays: counters.invalid_rays,
+            capped_paths: counters.capped_paths,
+            film_hash: format!("{:016x}", film.hash()),
+        }
+    }
+}
+
+/// High-water mark of resident memory: `VmHWM` of `/proc/self/status`.
+fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::BackendKind;
+
+    fn info(shadow: &'static str) -> BackendInfo {
+        BackendInfo {
+            kind: BackendKind::Brute,
+            version: "0.1.0".into(),
+            isa: "scalar".into(),
+            rays_incoherent: "single",
+            rays_coherent: "single",
+            rays_shadow: shadow,
+            bvh_bytes: 0,
+            triangles: 0,
+        }
+    }
+
+    #[test]
+    fn modes_are_joined_only_where_they_differ() {
+        assert_eq!(BackendStats::of(&info("single")).rays, "single");
+        assert_eq!(BackendStats::of(&info("packet16")).rays, "single/single/packet16");
+    }
+
+    #[test]
+    fn peak_memory_is_read_on_linux() {
+        if cfg!(target_os = "linux") {
+            assert!(peak_rss_bytes().is_some_and(|bytes| bytes > 1 << 20));
+        }
+    }
+}

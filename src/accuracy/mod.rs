@@ -1,1 +1,4 @@
-//! Metrics and estimates of accuracy (filled in by its owner).
+//! Accuracy: metrics of an image against a reference. The film's estimate of its own error is in `film`.
+
+pub mod flip;
+pub mod metrics;

@@ -5,15 +5,15 @@
 //! Means beyond the range of f32 are written as ±[`f32::MAX`], never as infinity.
 //! Limit of reading: the first flat part, full resolution, channels R, G, B (A) or Y without subsampling.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, IntegerBounds, Layer,
-    LayerAttributes, LineOrder, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 
-use super::view::ViewMatrices;
 use super::{Film, Pixel};
 use crate::error::{Error, Result};
 
@@ -52,6 +52,15 @@ impl std::str::FromStr for Aov {
     }
 }
 
+/// Camera matrices of the OpenEXR standard attributes, row by row for row vectors; `camera::CameraRays` makes them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewMatrices {
+    /// World to left-handed camera space, `worldToCamera`.
+    pub world_to_camera: [f32; 16],
+    /// World to picture coordinates, homogeneous, `worldToNDC`.
+    pub world_to_ndc: [f32; 16],
+}
+
 /// What a file says besides its pixels. Everything is optional; what is `None` is not written.
 #[derive(Clone, Debug, Default)]
 pub struct ExrOptions {
@@ -59,7 +68,7 @@ pub struct ExrOptions {
     pub aovs: Vec<Aov>,
     /// Wall time of the render, `renderTimeSeconds`.
     pub render_seconds: Option<f64>,
-    /// Where the camera was, `worldToCamera` and `worldToNDC`.
+    /// Where the camera was.
     pub view: Option<ViewMatrices>,
     /// `pathspace/seed`.
     pub seed: Option<u64>,
@@ -157,6 +166,12 @@ const REC709: Chromaticities = Chromaticities {
 
 const SOFTWARE: &str = concat!("pathspace ", env!("CARGO_PKG_VERSION"));
 
+/// Pixels of the largest picture that is read.
+const MOST_PIXELS: u64 = 1 << 28;
+
+/// Deflate, the strongest of the lossless codecs, expands a byte to at most 1032, and a pixel has at least one.
+const MOST_PIXELS_PER_BYTE: u64 = 1032;
+
 /// A mean as it is stored: rounded to f32 and saturated.
 fn stored(value: f64) -> f32 {
     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
@@ -185,17 +200,24 @@ pub struct Picture {
 /// [`Error::Io`] when the file cannot be opened or read, [`Error::Image`] when it is broken or has no colour channels.
 pub fn read_exr(path: &Path) -> Result<Picture> {
     let broken = |problem: String| Error::Image { path: path.into(), problem };
+    let unreadable = |error: exr::error::Error| broken(format!("not a readable OpenEXR file: {error}"));
+    let bytes = std::fs::read(path).map_err(|source| Error::io(path, "read", source))?;
+    // Sizes in headers are believed only as far as the file's length can expand to.
+    let meta = MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(unreadable)?;
+    let most = (bytes.len() as u64).saturating_mul(MOST_PIXELS_PER_BYTE).min(MOST_PIXELS);
+    if let Some(size) =
+        meta.headers.iter().map(|h| h.layer_size).find(|s| (s.0 as u64).saturating_mul(s.1 as u64) > most)
+    {
+        return Err(broken(format!("expected at most {most} pixels in this file, found {} × {}", size.0, size.1)));
+    }
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .first_valid_layer()
         .all_attributes()
-        .from_file(path)
-        .map_err(|error| match error {
-            exr::error::Error::Io(source) => Error::io(path, "read", source),
-            other => broken(format!("not a readable OpenEXR file: {other}")),
-        })?;
+        .from_buffered(Cursor::new(&bytes))
+        .map_err(unreadable)?;
     let layer = image.layer_data;
     let (width, height) = (layer.size.0, layer.size.1);
     let values = |name: &str| -> Option<Vec<f32>> {

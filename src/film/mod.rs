@@ -11,7 +11,6 @@ pub mod exr;
 pub mod filter;
 pub mod lengths;
 pub mod png;
-pub mod view;
 
 use crate::plan::options::Crop;
 

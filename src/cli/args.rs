@@ -1,0 +1,283 @@
+//! The arguments as they are typed: names, types, units, help. Nothing here looks at a scene; [`job`](super::job) does.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use super::units;
+use crate::backend::{BackendKind, QueryMode};
+use crate::film::exr::Aov;
+use crate::film::filter::FilterKind;
+use crate::render::Crop;
+
+/// Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
+#[derive(Debug, Parser)]
+#[command(name = "pathspace", version, propagate_version = true, after_help = EXIT_CODES)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done and target met; 1 input/output or internal error; 2 usage; 3 stopped by time or samples before the \
+error target; 4 scene invalid or a required extension unsupported; 5 non-finite samples; 128+n on signal n (what was \
+rendered is written first). `compare` has its own: see its help.";
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a scene to OpenEXR or PNG
+    Render(Box<RenderArgs>),
+    /// Show what a scene asks for, what will be simulated of it, and what not and why
+    Info(InfoArgs),
+    /// Compare two OpenEXR images: error metrics, and a verdict as an exit code
+    Compare(CompareArgs),
+    /// Check what native parts this build and this machine have, and say what to install
+    Doctor,
+}
+
+/// `render`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+Of --spp, --time and --error the first that is met ends the render; with none of them it is 64 samples per pixel.\n\
+Example: pathspace render scene.gltf -o scene.exr --error 2% --time 10m --png scene.png"
+)]
+pub struct RenderArgs {
+    /// Scene, .gltf or .glb
+    pub scene: PathBuf,
+
+    /// Picture to write, .exr (linear, float) or .png (8-bit sRGB preview)
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    pub output: PathBuf,
+    /// Also write an 8-bit sRGB preview
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    pub png: Option<PathBuf>,
+    /// Exposure of PNG previews, in stops: values are multiplied by 2^EV
+    #[arg(long, value_name = "EV", default_value = "0", value_parser = units::finite, help_heading = "Output")]
+    pub exposure: f32,
+    /// Extra channels in the EXR, separated by commas: the variance of each pixel's mean, its square root, samples per pixel
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser(), help_heading = "Output")]
+    pub aov: Vec<Aov>,
+    /// Write statistics as JSON
+    #[arg(long, value_name = "FILE.json", help_heading = "Output")]
+    pub stats: Option<PathBuf>,
+
+    /// Stop at N samples per pixel [default without any limit: 64]
+    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Stopping")]
+    pub spp: Option<u64>,
+    /// Stop after this wall time of rendering: 90s, 10m, 1h30m
+    #[arg(long, value_name = "DURATION", value_parser = units::duration, help_heading = "Stopping")]
+    pub time: Option<Duration>,
+    /// Stop when the estimated relative RMSE (√relMSE) of the picture is below this: 1% or 0.01
+    #[arg(long, value_name = "E", value_parser = units::fraction, help_heading = "Stopping")]
+    pub error: Option<f64>,
+    /// Samples per pixel before --error may stop the render
+    #[arg(long, value_name = "N", default_value_t = 16, requires = "error", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping")]
+    pub min_spp: u64,
+
+    /// Columns of the full picture, pixels [default: from the height and the aspect; else what the scene suggests, else 1280]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Picture")]
+    pub width: Option<u32>,
+    /// Rows of the full picture, pixels [default: from the width and the aspect of the scene's suggestion or camera]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Picture")]
+    pub height: Option<u32>,
+    /// Render only this window, pixels from the top left corner
+    #[arg(long, value_name = "WxH+X+Y", value_parser = units::crop, help_heading = "Picture")]
+    pub crop: Option<Crop>,
+    /// Pixel filter
+    #[arg(long, default_value = "blackman-harris", value_parser = filter_parser(), help_heading = "Picture")]
+    pub filter: FilterKind,
+
+    /// Camera by name, or by index from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Camera")]
+    pub camera: Option<String>,
+    /// Radius of a thin lens, metres; needs --focus-distance [default: a pinhole]
+    #[arg(long, value_name = "M", requires = "focus_distance", value_parser = units::length_m, help_heading = "Camera")]
+    pub aperture_radius: Option<f32>,
+    /// Distance of the plane in focus along the view axis, metres
+    #[arg(long, value_name = "M", requires = "aperture_radius", value_parser = units::length_m, help_heading = "Camera")]
+    pub focus_distance: Option<f32>,
+
+    /// Equirectangular environment, .exr or .hdr (linear Rec.709)
+    #[arg(long, value_name = "FILE", help_heading = "Environment")]
+    pub env: Option<PathBuf>,
+    /// Turn the environment counter-clockwise seen from above, degrees
+    #[arg(long, value_name = "DEG", default_value = "0", requires = "env", value_parser = units::finite, help_heading = "Environment")]
+    pub env_rotation: f32,
+    /// Multiply the environment's radiance
+    #[arg(long, value_name = "X", default_value = "1", requires = "env", value_parser = units::not_negative, help_heading = "Environment")]
+    pub env_intensity: f32,
+
+    /// Longest path in edges; 1 shows emitters only
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
+    pub max_depth: u32,
+    /// End paths at random where they carry little (unbiased either way)
+    #[arg(long, value_enum, default_value = "on", help_heading = "Light transport")]
+    pub roulette: Switch,
+    /// Combine light and BSDF sampling by the power heuristic (mis), the balance heuristic, or use one alone
+    #[arg(long, value_enum, default_value = "mis", help_heading = "Light transport")]
+    pub strategy: StrategyName,
+    /// Random numbers: Owen-scrambled Sobol points, or independent
+    #[arg(long, value_enum, default_value = "sobol", help_heading = "Light transport")]
+    pub sampler: SamplerName,
+    /// Seed of every random number
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Light transport")]
+    pub seed: u64,
+
+    /// Worker threads [default: as many as the process may use: affinity mask, cgroup, SLURM_CPUS_PER_TASK]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
+    pub threads: Option<u32>,
+    /// Ray backend [default: the fastest of this build]
+    #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
+    pub backend: Option<BackendKind>,
+    /// How rays are handed to the backend; auto lets the plan choose for each class of rays
+    #[arg(long, default_value = "auto", value_parser = rays_parser(), help_heading = "Machine")]
+    pub rays: Rays,
+    /// Pin the backend's instruction set, in its own spelling (Embree: sse2, sse4.2, avx, avx2, avx512)
+    #[arg(long, value_name = "NAME", help_heading = "Machine")]
+    pub isa: Option<String>,
+
+    /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson)
+    #[arg(long, value_enum, default_value = "auto", help_heading = "Reporting")]
+    pub progress: ProgressKind,
+    /// Print errors only
+    #[arg(short, long, conflicts_with = "verbose", help_heading = "Reporting")]
+    pub quiet: bool,
+    /// Print the plan, the backend and the times of each step
+    #[arg(short, long, help_heading = "Reporting")]
+    pub verbose: bool,
+}
+
+/// `info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Scene, .gltf or .glb
+    pub scene: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `compare`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+Exit codes, as those of idiff: 0 ok, 1 warning, 2 failure, 3 the images differ in size, 4 an image is not readable.\n\
+A pixel fails (or warns) when one of its channels differs by more than the threshold. Pixels that are not finite fail.\n\
+relMSE = mean of (A − B)²/(B² + ε) with ε = 0.01·mean(B)²; trimmed: without the worst 0.1 % of pixels. \
+FLIP is HDR-FLIP at 67 pixels per degree."
+)]
+pub struct CompareArgs {
+    /// Image to judge, OpenEXR
+    pub image: PathBuf,
+    /// Reference, OpenEXR
+    pub reference: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Fail where a channel differs by more than this
+    #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
+    pub fail: f32,
+    /// Percentage of pixels that may fail without failing the comparison
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = units::not_negative)]
+    pub failpercent: f32,
+    /// Fail if one channel of one pixel differs by more than this [default: no such limit]
+    #[arg(long, value_name = "X", value_parser = units::not_negative)]
+    pub hardfail: Option<f32>,
+    /// Warn where a channel differs by more than this
+    #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
+    pub warn: f32,
+}
+
+/// `on` or `off`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Switch {
+    /// On.
+    On,
+    /// Off.
+    Off,
+}
+
+/// Values of `--strategy`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StrategyName {
+    /// Both samplings, power heuristic
+    Mis,
+    /// Both samplings, balance heuristic
+    MisBalance,
+    /// BSDF sampling alone
+    Bsdf,
+    /// Light sampling alone
+    Light,
+}
+
+/// Values of `--sampler`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SamplerName {
+    /// Owen-scrambled Sobol points
+    Sobol,
+    /// Independent uniform numbers
+    Independent,
+}
+
+/// Values of `--progress`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProgressKind {
+    /// A bar on a terminal, plain lines elsewhere
+    Auto,
+    /// A bar, terminal or not
+    Tty,
+    /// A line each 10 %
+    Plain,
+    /// A JSON object per line on stdout
+    Ndjson,
+    /// Nothing
+    None,
+}
+
+/// Value of `--rays`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rays {
+    /// The plan chooses.
+    Auto,
+    /// One mode for every class.
+    Mode(QueryMode),
+}
+
+fn filter_parser() -> impl TypedValueParser<Value = FilterKind> {
+    PossibleValuesParser::new(FilterKind::ALL.map(FilterKind::name)).try_map(|s| s.parse())
+}
+
+fn aov_parser() -> impl TypedValueParser<Value = Aov> {
+    PossibleValuesParser::new(Aov::ALL.map(Aov::name)).try_map(|s| s.parse())
+}
+
+fn backend_parser() -> impl TypedValueParser<Value = BackendKind> {
+    let all = [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Brute];
+    PossibleValuesParser::new(all.map(BackendKind::name)).try_map(|s| s.parse())
+}
+
+fn rays_parser() -> impl TypedValueParser<Value = Rays> {
+    let names = std::iter::once("auto").chain(QueryMode::ALL.map(QueryMode::name));
+    PossibleValuesParser::new(names).try_map(|s| match s.as_str() {
+        "auto" => Ok(Rays::Auto),
+        mode => mode.parse().map(Rays::Mode),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

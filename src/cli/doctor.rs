@@ -1,0 +1,122 @@
+//! `pathspace doctor`: what this build and this machine have, and what to install. Exit 0 if a render can run.
+
+use std::fs;
+
+use super::{EXIT_OK, job, print};
+use crate::backend::{self, BackendInfo, BackendKind, BackendOptions, QueryMode};
+use crate::error::{Error, Result};
+use crate::scene::geometry::Geometry;
+
+/// Exit code when no render can run.
+const EXIT_UNUSABLE: u8 = 1;
+
+/// Packages that building needs, by `VERSION_ID` of Debian.
+const PACKAGES: [(&str, &str); 2] = [
+    ("12", "apt-get install build-essential pkg-config libclang-dev libembree-dev   (Embree 3.13.5)"),
+    ("13", "apt-get install build-essential pkg-config libclang-dev libembree-dev   (Embree 4.3.3)"),
+];
+
+/// Runs the command.
+pub fn run() -> Result<u8> {
+    let mut lines = vec![format!("pathspace   {}", env!("CARGO_PKG_VERSION"))];
+    let release = debian_release();
+    lines.push(format!("system      {}", release.name));
+    let cpu = cpu();
+    lines.push(format!("processor   {}", cpu.name));
+    lines.push(format!("features    {}", cpu.features.join(" ")));
+    lines.push(format!("threads     {}", job::default_threads()));
+
+    let mut usable = 0;
+    for kind in [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Brute] {
+        let built = backend::build(kind, &Geometry::default(), &BackendOptions::with_mode(QueryMode::Stream));
+        usable += usize::from(built.is_ok());
+        lines.push(format!("{:<11} {}", kind.name(), describe(built.as_ref().map(|b| b.info()))));
+    }
+
+    let missing = cpu.missing();
+    if !missing.is_empty() {
+        lines.push(format!("missing     this build needs a processor with {}", missing.join(", ")));
+    }
+    let verdict = usable > 0 && missing.is_empty();
+    match PACKAGES.into_iter().find(|(version, _)| *version == release.version) {
+        Some((_, command)) => lines.push(format!("to build    {command}")),
+        None => {
+            lines.push("to build    on other systems: a C compiler, pkg-config, libclang, Embree 3.13 or 4.x".into());
+        }
+    }
+    lines.push("            cargo build --release --no-default-features needs none of these (no Embree then)".into());
+    lines.push(format!("verdict     {}\n", if verdict { "ready to render" } else { "cannot render" }));
+    print(&lines.join("\n"))?;
+    Ok(if verdict { EXIT_OK } else { EXIT_UNUSABLE })
+}
+
+fn describe(built: std::result::Result<&BackendInfo, &Error>) -> String {
+    match built {
+        // Built with `--rays stream`, so the effective mode tells a native stream from a loop over packets.
+        Ok(info) => format!("{} ({}), stream mode runs as {}", info.version, info.isa, info.rays_incoherent),
+        Err(Error::Backend { problem, .. }) => format!("not usable: {problem}"),
+        Err(error) => format!("not usable: {error}"),
+    }
+}
+
+struct Release {
+    name: String,
+    /// `VERSION_ID` on Debian, else empty.
+    version: String,
+}
+
+fn debian_release() -> Release {
+    let text = fs::read_to_string("/etc/os-release").unwrap_or_default();
+    let field = |key: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+        line.map(|value| value.trim_matches('"').to_string()).unwrap_or_default()
+    };
+    let name = field("PRETTY_NAME");
+    Release {
+        name: if name.is_empty() { "unknown".into() } else { name },
+        version: if field("ID") == "debian" { field("VERSION_ID") } else { String::new() },
+    }
+}
+
+struct Cpu {
+    name: String,
+    features: Vec<&'static str>,
+}
+
+impl Cpu {
+    /// Features that this binary was compiled to use and this processor lacks.
+    fn missing(&self) -> Vec<&'static str> {
+        let compiled = [
+            ("avx2", cfg!(target_feature = "avx2")),
+            ("fma", cfg!(target_feature = "fma")),
+            ("bmi2", cfg!(target_feature = "bmi2")),
+        ];
+        compiled.iter().filter(|(name, used)| *used && !self.features.contains(name)).map(|(name, _)| *name).collect()
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn cpu() -> Cpu {
+    let found = [
+        ("sse4.2", is_x86_feature_detected!("sse4.2")),
+        ("avx", is_x86_feature_detected!("avx")),
+        ("avx2", is_x86_feature_detected!("avx2")),
+        ("fma", is_x86_feature_detected!("fma")),
+        ("bmi2", is_x86_feature_detected!("bmi2")),
+        ("avx512f", is_x86_feature_detected!("avx512f")),
+        ("avx512dq", is_x86_feature_detected!("avx512dq")),
+        ("avx512vl", is_x86_feature_detected!("avx512vl")),
+    ];
+    Cpu { name: cpu_name(), features: found.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect() }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn cpu() -> Cpu {
+    Cpu { name: cpu_name(), features: vec![] }
+}
+
+fn cpu_name() -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or_else(|| std::env::consts::ARCH.to_string(), |(_, name)| name.trim().to_string())
+}

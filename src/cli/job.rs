@@ -1,0 +1,274 @@
+//! From arguments to a job: outputs are checked before any work, the scene is loaded, and what depends on the scene (size,
+//! camera, environment) is settled. Ranges that the plan checks are left to the plan.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::args::{Rays, RenderArgs, SamplerName, StrategyName, Switch};
+use crate::error::{Error, Result};
+use crate::film::atomic::check_writable;
+use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
+use crate::sampler::SamplerKind;
+use crate::scene::{Camera, Environment, Projection, Scene, Warning};
+
+/// Columns of a picture for which neither the command line nor the scene names a size.
+const DEFAULT_WIDTH: u32 = 1280;
+
+/// Aspect of a picture for which nothing names one.
+const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
+
+/// Files to be written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Outputs {
+    /// The EXR.
+    pub exr: Option<PathBuf>,
+    /// Previews.
+    pub pngs: Vec<PathBuf>,
+    /// Statistics.
+    pub stats: Option<PathBuf>,
+}
+
+impl Outputs {
+    /// Sorts the output options by kind and makes sure that each file can be written.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for names of a wrong kind and for options without effect, [`Error::Io`] for a folder that is
+    /// missing or not writable.
+    pub fn check(args: &RenderArgs) -> Result<Self> {
+        let mut outputs = Outputs { stats: args.stats.clone(), ..Outputs::default() };
+        match extension(&args.output).as_deref() {
+            Some("exr") => outputs.exr = Some(args.output.clone()),
+            Some("png") => outputs.pngs.push(args.output.clone()),
+            _ => return refuse("--output", format!("{}: the name must end in .exr or .png", args.output.display())),
+        }
+        if let Some(png) = &args.png {
+            if extension(png).as_deref() != Some("png") {
+                return refuse("--png", format!("{}: the name must end in .png", png.display()));
+            }
+            outputs.pngs.push(png.clone());
+        }
+        if outputs.exr.is_none() && !args.aov.is_empty() {
+            return refuse("--aov", "extra channels need an output that ends in .exr".into());
+        }
+        if outputs.pngs.is_empty() && args.exposure != 0.0 {
+            return refuse("--exposure", "it applies to PNG previews only: add --png FILE.png".into());
+        }
+        let all: Vec<&PathBuf> = outputs.exr.iter().chain(&outputs.pngs).chain(&outputs.stats).collect();
+        for (i, path) in all.iter().enumerate() {
+            if all[..i].contains(path) {
+                return refuse("--output", format!("{} is named as two outputs", path.display()));
+            }
+            check_writable(path)?;
+        }
+        Ok(outputs)
+    }
+}
+
+/// `--env` and what goes with it.
+#[derive(Clone, Copy, Debug)]
+pub struct EnvironmentRequest<'a> {
+    /// The image.
+    pub path: &'a Path,
+    /// Counter-clockwise seen from above, degrees.
+    pub rotation_deg: f32,
+    /// Factor on the radiance.
+    pub intensity: f32,
+}
+
+impl<'a> EnvironmentRequest<'a> {
+    /// What the arguments ask for, if anything.
+    pub fn of(args: &'a RenderArgs) -> Option<Self> {
+        args.env.as_deref().map(|path| EnvironmentRequest {
+            path,
+            rotation_deg: args.env_rotation,
+            intensity: args.env_intensity,
+        })
+    }
+}
+
+/// Loads a scene and its environment. A scene without any light gets a constant white one, and a warning.
+pub fn load(path: &Path, environment: Option<EnvironmentRequest>) -> Result<Scene> {
+    let mut scene = load_scene(path)?;
+    if let Some(request) = environment {
+        load_environment(&mut scene, &request)?;
+    } else if !has_light(&scene) {
+        scene.environment = Some(white_environment());
+        scene.warnings.push(Warning {
+            place: path.display().to_string(),
+            what: "no light of any kind: lit by a constant white environment of radiance 1".into(),
+        });
+    }
+    Ok(scene)
+}
+
+fn load_scene(path: &Path) -> Result<Scene> {
+    // At the merge: Scene::load(path)
+    std::fs::File::open(path).map_err(|source| Error::io(path, "read", source))?;
+    let problem = "this branch has no scene loader".into();
+    Err(Error::InvalidScene { file: path.into(), pointer: "/".into(), problem })
+}
+
+fn load_environment(_scene: &mut Scene, request: &EnvironmentRequest) -> Result<()> {
+    // At the merge: scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)
+    Err(Error::Image { path: request.path.into(), problem: "this branch has no environment loader".into() })
+}
+
+/// Whether anything in the scene shines: an emissive surface that is placed, a punctual light, an environment.
+pub fn has_light(scene: &Scene) -> bool {
+    let emits = |instance: &crate::scene::Instance| {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        scene.materials.get(mesh.material.index()).is_some_and(|material| material.is_emissive())
+    };
+    scene.environment.is_some()
+        || scene.punctual.iter().any(|light| light.intensity.max_element() > 0.0)
+        || scene.instances.iter().any(emits)
+}
+
+fn white_environment() -> Environment {
+    Environment { width: 1, height: 1, texels: Arc::new([Vec3::ONE]), rotation_rad: 0.0, intensity: 1.0 }
+}
+
+/// Options of the render, settled against the scene.
+pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
+    let camera = camera_choice(args.camera.as_deref(), scene);
+    let size = picture_size(args.width, args.height, scene, camera_of(scene, &camera));
+    RenderOptions {
+        width: size.0,
+        height: size.1,
+        crop: args.crop,
+        spp: args.spp,
+        time: args.time,
+        error: args.error,
+        min_spp: args.min_spp,
+        camera,
+        seed: args.seed,
+        threads: args.threads.map_or_else(default_threads, |n| n as usize),
+        lens: args.aperture_radius.zip(args.focus_distance).map(|(radius_m, focus_m)| Lens { radius_m, focus_m }),
+        filter: args.filter,
+        max_depth: args.max_depth,
+        roulette: match args.roulette {
+            Switch::On => Roulette::On,
+            Switch::Off => Roulette::Off,
+        },
+        strategy: match args.strategy {
+            StrategyName::Mis => Strategy::MisPower,
+            StrategyName::MisBalance => Strategy::MisBalance,
+            StrategyName::Bsdf => Strategy::BsdfOnly,
+            StrategyName::Light => Strategy::LightOnly,
+        },
+        sampler: match args.sampler {
+            SamplerName::Sobol => SamplerKind::Sobol,
+            SamplerName::Independent => SamplerKind::Independent,
+        },
+        backend: args.backend,
+        rays: match args.rays {
+            Rays::Auto => None,
+            Rays::Mode(mode) => Some(mode),
+        },
+        isa: args.isa.clone(),
+        ..RenderOptions::default()
+    }
+}
+
+/// A camera by name, else by index, else the first. Whether it exists is for the plan to say.
+fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
+    match text {
+        None => CameraChoice::First,
+        Some(name) if scene.cameras.iter().any(|camera| camera.name == name) => CameraChoice::Name(name.into()),
+        Some(text) => text.parse().map_or_else(|_| CameraChoice::Name(text.into()), CameraChoice::Index),
+    }
+}
+
+/// The camera that a choice means, if the scene has it.
+fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
+    match choice {
+        CameraChoice::First => scene.cameras.first(),
+        CameraChoice::Index(index) => scene.cameras.get(*index),
+        CameraChoice::Name(name) => scene.cameras.iter().find(|camera| camera.name == *name),
+    }
+}
+
+/// Columns and rows: as asked, as the scene suggests, else 1280 columns of the camera's aspect. One side alone takes the
+/// other from the aspect of the suggestion or of the camera.
+pub fn picture_size(width: Option<u32>, height: Option<u32>, scene: &Scene, camera: Option<&Camera>) -> (u32, u32) {
+    let authored = camera.and_then(|camera| match camera.projection {
+        Projection::Perspective { aspect, .. } => aspect.map(f64::from),
+        Projection::Orthographic { xmag_m, ymag_m } => Some(f64::from(xmag_m) / f64::from(ymag_m)),
+    });
+    let suggested = scene.suggested_size.map(|(width, height)| f64::from(width) / f64::from(height));
+    let aspect = suggested.or(authored).filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
+    let side = |length: f64| length.round().clamp(1.0, f64::from(u32::MAX)) as u32;
+    match (width, height, scene.suggested_size) {
+        (Some(width), Some(height), _) => (width, height),
+        (Some(width), None, _) => (width, side(f64::from(width) / aspect)),
+        (None, Some(height), _) => (side(f64::from(height) * aspect), height),
+        (None, None, Some(size)) => size,
+        (None, None, None) => (DEFAULT_WIDTH, side(f64::from(DEFAULT_WIDTH) / aspect)),
+    }
+}
+
+/// Threads that the process may use: the affinity mask and cgroup quota, and no more than Slurm grants the task.
+pub fn default_threads() -> usize {
+    let available = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let granted = std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok());
+    granted.map_or(available, |granted| available.min(granted.max(1)))
+}
+
+fn extension(path: &Path) -> Option<String> {
+    path.extension().map(|extension| extension.to_string_lossy().to_lowercase())
+}
+
+fn refuse<T>(option: &'static str, problem: String) -> Result<T> {
+    Err(Error::Option { option, problem })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Affine3A;
+
+    fn camera(name: &str, aspect: Option<f32>) -> Camera {
+        Camera {
+            name: name.into(),
+            world_from_camera: Affine3A::IDENTITY,
+            projection: Projection::Perspective { yfov_rad: 1.0, aspect },
+        }
+    }
+
+    #[test]
+    fn sizes_follow_request_then_suggestion_then_aspect() {
+        let wide = camera("wide", Some(2.0));
+        let mut scene = Scene::default();
+        assert_eq!(picture_size(None, None, &scene, Some(&wide)), (1280, 640));
+        assert_eq!(picture_size(Some(100), None, &scene, Some(&wide)), (100, 50));
+        assert_eq!(picture_size(None, Some(100), &scene, Some(&wide)), (200, 100));
+        assert_eq!(picture_size(Some(7), Some(9), &scene, Some(&wide)), (7, 9));
+        assert_eq!(picture_size(None, None, &scene, Some(&camera("any", None))), (1280, 720));
+        assert_eq!(picture_size(Some(1), None, &scene, Some(&camera("tall", Some(1e9)))), (1, 1));
+        scene.suggested_size = Some((512, 256));
+        assert_eq!(picture_size(None, None, &scene, None), (512, 256));
+        assert_eq!(picture_size(Some(64), None, &scene, Some(&camera("square", Some(1.0)))), (64, 32));
+    }
+
+    #[test]
+    fn cameras_are_found_by_name_before_index() {
+        let scene = Scene { cameras: vec![camera("left", None), camera("0", None)], ..Scene::default() };
+        let find = |text| camera_of(&scene, &camera_choice(Some(text), &scene)).map(|c| c.name.as_str());
+        assert_eq!(find("left"), Some("left"));
+        assert_eq!(find("0"), Some("0"));
+        assert_eq!(find("1"), Some("0"));
+        assert_eq!(find("2"), None);
+        assert_eq!(find("right"), None);
+        assert_eq!(camera_choice(None, &scene), CameraChoice::First);
+    }
+
+    #[test]
+    fn a_scene_without_lights_is_recognised() {
+        let mut scene = Scene::default();
+        assert!(!has_light(&scene));
+        scene.environment = Some(white_environment());
+        assert!(has_light(&scene));
+    }
+}

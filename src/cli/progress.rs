@@ -1,0 +1,227 @@
+//! Progress of a render: a bar on a terminal, a plain line each 10 %, JSON objects on stdout, or nothing.
+//!
+//! `--progress ndjson` writes one object a line, at most four a second: `{"type":"progress","t":12.3,"spp":64,"pct":25.0,
+//! "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in seconds; err and target are relative RMSE, `null` when
+//! unknown or not asked for; mrays in 10⁶ rays a second), then exactly one `completed` or `failed`. It was asked for, so it
+//! goes to stdout.
+
+use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+use serde::Serialize;
+
+use super::args::ProgressKind;
+use super::report::{Verbosity, stderr_line};
+use crate::error::Error;
+use crate::render::Progress;
+use crate::stats::Stats;
+
+/// Shortest time between two objects of ndjson.
+const NDJSON_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Resolution of the bar.
+const BAR_STEPS: u64 = 1000;
+
+/// Shows how far a render is.
+pub struct ProgressView {
+    display: Display,
+    /// Error target, if there is one.
+    target: Option<f64>,
+}
+
+enum Display {
+    Bar(ProgressBar),
+    Plain { next_percent: u32 },
+    Ndjson { last: Option<Duration> },
+    None,
+}
+
+/// A line of ndjson while rendering.
+#[derive(Serialize)]
+struct ProgressLine {
+    r#type: &'static str,
+    t: f64,
+    spp: u64,
+    pct: f64,
+    err: Option<f64>,
+    target: Option<f64>,
+    eta: Option<f64>,
+    mrays: f64,
+}
+
+/// The last line of ndjson.
+#[derive(Serialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+enum FinalLine<'a> {
+    Completed { t: f64, spp: f64, stop: &'static str, err: Option<f64>, target: Option<f64>, exit: u8 },
+    Failed { error: &'a str, exit: u8 },
+}
+
+impl ProgressView {
+    /// A view of the kind asked for. Quiet renders show progress only where it was asked for by name.
+    pub fn new(kind: ProgressKind, verbosity: Verbosity, target: Option<f64>) -> Self {
+        let terminal = io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|term| term != "dumb");
+        let display = match kind {
+            ProgressKind::Auto if verbosity == Verbosity::Quiet => Display::None,
+            ProgressKind::Auto if terminal => Display::Bar(bar(ProgressDrawTarget::stderr())),
+            ProgressKind::Tty if terminal => Display::Bar(bar(ProgressDrawTarget::stderr())),
+            ProgressKind::Tty => Display::Bar(bar(ProgressDrawTarget::term_like(Box::new(AssumedTerminal)))),
+            ProgressKind::Auto | ProgressKind::Plain => Display::Plain { next_percent: 10 },
+            ProgressKind::Ndjson => Display::Ndjson { last: None },
+            ProgressKind::None => Display::None,
+        };
+        ProgressView { display, target }
+    }
+
+    /// Shows the state `p`.
+    pub fn update(&mut self, p: &Progress) {
+        let t = p.elapsed.as_secs_f64();
+        let eta = (p.fraction > 0.0).then(|| t * (1.0 - p.fraction) / p.fraction);
+        let mrays = if t > 0.0 { p.rays as f64 * 1e-6 / t } else { 0.0 };
+        let err = p.relmse.map(f64::sqrt);
+        let facts = || {
+            let error = err.map_or(String::new(), |err| format!(", error {:.2} %", 100.0 * err));
+            format!("{} spp{error}, {mrays:.1} Mrays/s", p.spp)
+        };
+        match &mut self.display {
+            Display::Bar(bar) => {
+                bar.set_message(format!("{}, {} left", facts(), eta.map_or("?".into(), clock)));
+                bar.set_position((p.fraction * BAR_STEPS as f64) as u64);
+            }
+            Display::Plain { next_percent } => {
+                let percent = (100.0 * p.fraction) as u32;
+                if percent >= *next_percent {
+                    *next_percent = percent / 10 * 10 + 10;
+                    stderr_line(format_args!("{percent:3} %  {}  {}", clock(t), facts()));
+                }
+            }
+            Display::Ndjson { last } => {
+                let due = last.is_none_or(|last| p.elapsed >= last + NDJSON_INTERVAL) || p.fraction >= 1.0;
+                if due {
+                    *last = Some(p.elapsed);
+                    let pct = (1000.0 * p.fraction).round() / 10.0;
+                    let line =
+                        ProgressLine { r#type: "progress", t, spp: p.spp, pct, err, target: self.target, eta, mrays };
+                    ndjson(&line);
+                }
+            }
+            Display::None => {}
+        }
+    }
+
+    /// Takes the bar off the terminal; the summary follows.
+    pub fn clear(&self) {
+        if let Display::Bar(bar) = &self.display {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// The render ended and its files are written.
+    pub fn completed(&self, stats: &Stats, exit: u8) {
+        if let Display::Ndjson { .. } = self.display {
+            let err = stats.error.map(|error| error.relmse.sqrt());
+            let (t, spp, target) = (stats.seconds.total, stats.spp.mean, self.target);
+            ndjson(&FinalLine::Completed { t, spp, stop: stats.stop, err, target, exit });
+        }
+    }
+}
+
+/// The last line of ndjson when the command failed, at whatever step.
+pub fn failed(kind: ProgressKind, error: &Error) {
+    if kind == ProgressKind::Ndjson {
+        ndjson(&FinalLine::Failed { error: &error.to_string(), exit: error.exit_code() });
+    }
+}
+
+fn ndjson(line: &impl Serialize) {
+    let text = serde_json::to_string(line).expect("records of numbers and strings are valid JSON");
+    let mut out = io::stdout().lock();
+    // A reader that has gone away does not stop the render.
+    let _ = writeln!(out, "{text}").and_then(|()| out.flush());
+}
+
+fn bar(target: ProgressDrawTarget) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:24} {percent:>3} %  {msg}").expect("the template is well-formed");
+    ProgressBar::with_draw_target(Some(BAR_STEPS), target).with_style(style)
+}
+
+/// Seconds as people read them: "42 s", "3:05", "2:03:09".
+fn clock(seconds: f64) -> String {
+    let s = seconds.round() as u64;
+    match s {
+        0..60 => format!("{s} s"),
+        60..3600 => format!("{}:{:02}", s / 60, s % 60),
+        _ => format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60),
+    }
+}
+
+/// stderr treated as a terminal of 100 columns that understands the ANSI control sequences, for `--progress tty` where
+/// the system sees no terminal.
+#[derive(Debug)]
+struct AssumedTerminal;
+
+impl AssumedTerminal {
+    fn control(&self, n: usize, letter: char) -> io::Result<()> {
+        if n == 0 { Ok(()) } else { write!(io::stderr(), "\x1b[{n}{letter}") }
+    }
+}
+
+impl TermLike for AssumedTerminal {
+    fn width(&self) -> u16 {
+        100
+    }
+    fn move_cursor_up(&self, n: usize) -> io::Result<()> {
+        self.control(n, 'A')
+    }
+    fn move_cursor_down(&self, n: usize) -> io::Result<()> {
+        self.control(n, 'B')
+    }
+    fn move_cursor_right(&self, n: usize) -> io::Result<()> {
+        self.control(n, 'C')
+    }
+    fn move_cursor_left(&self, n: usize) -> io::Result<()> {
+        self.control(n, 'D')
+    }
+    fn write_line(&self, s: &str) -> io::Result<()> {
+        writeln!(io::stderr(), "{s}")
+    }
+    fn write_str(&self, s: &str) -> io::Result<()> {
+        write!(io::stderr(), "{s}")
+    }
+    fn clear_line(&self) -> io::Result<()> {
+        write!(io::stderr(), "\r\x1b[2K")
+    }
+    fn flush(&self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clocks_read_as_people_write_them() {
+        assert_eq!([0.4, 59.0, 185.0, 7389.0].map(clock), ["0 s", "59 s", "3:05", "2:03:09"]);
+    }
+
+    #[test]
+    fn ndjson_lines_have_the_contracted_keys() {
+        let line = ProgressLine {
+            r#type: "progress",
+            t: 12.3,
+            spp: 64,
+            pct: 25.0,
+            err: Some(0.021),
+            target: Some(0.01),
+            eta: Some(40.1),
+            mrays: 31.2,
+        };
+        let expected =
+            r#"{"type":"progress","t":12.3,"spp":64,"pct":25.0,"err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}"#;
+        assert_eq!(serde_json::to_string(&line).expect("JSON"), expected);
+        let failed = serde_json::to_string(&FinalLine::Failed { error: "a", exit: 4 }).expect("JSON");
+        assert_eq!(failed, r#"{"type":"failed","error":"a","exit":4}"#);
+    }
+}

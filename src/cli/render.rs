@@ -1,0 +1,129 @@
+//! `pathspace render`: outputs are checked, the scene is loaded, rendered to the first limit or signal, and written.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::args::RenderArgs;
+use super::info::PlanRecord;
+use super::job::{self, EnvironmentRequest, Outputs};
+use super::progress::{self, ProgressView};
+use super::report::Verbosity;
+use super::signal::Signals;
+use super::{EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, to_json};
+use crate::error::{Error, Result};
+use crate::film::Film;
+use crate::film::atomic::write_atomically;
+use crate::film::exr::{ExrOptions, ViewMatrices};
+use crate::render::{Render, Renderer, StopReason};
+use crate::scene::Scene;
+use crate::stats::{Inputs, Seconds, Stats};
+
+/// Runs the command.
+pub fn run(args: &RenderArgs) -> Result<u8> {
+    let result = render(args);
+    if let Err(error) = &result {
+        progress::failed(args.progress, error);
+    }
+    result
+}
+
+fn render(args: &RenderArgs) -> Result<u8> {
+    let start = Instant::now();
+    let verbosity = Verbosity::of(args.quiet, args.verbose);
+    let signals = Signals::listen()?;
+    let outputs = Outputs::check(args)?;
+
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(args))?;
+    verbosity.warnings(&scene.warnings);
+    let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
+
+    let options = job::options(args, scene);
+    let renderer = Renderer::new(scene, options.clone())?;
+    seconds.build = renderer.build_time().as_secs_f64();
+    let record = PlanRecord::of(renderer.plan(), renderer.backend_info());
+    verbosity.detail(&record);
+
+    let mut view = ProgressView::new(args.progress, verbosity, options.error);
+    let render = renderer.render_with(|p| {
+        view.update(p);
+        match signals.exit_code() {
+            Some(_) => ControlFlow::Break(()),
+            None => ControlFlow::Continue(()),
+        }
+    })?;
+    view.clear();
+    seconds.render = render.render_time.as_secs_f64();
+
+    let writing = Instant::now();
+    let written = if render.film.spp().max > 0 {
+        let exr = exr_options(args, scene, &render, &renderer, &record);
+        write_pictures(&outputs, &render.film, &exr, args.exposure)?
+    } else {
+        verbosity.note("pathspace: warning: stopped before the first sample; no picture was written");
+        Vec::new()
+    };
+    seconds.write = writing.elapsed().as_secs_f64();
+    seconds.total = start.elapsed().as_secs_f64();
+
+    let backend = renderer.backend_info();
+    let inputs = Inputs { scene, options: &options, plan: renderer.plan(), backend, render: &render, seconds };
+    let stats = Stats::new(&inputs);
+    if let Some(path) = &outputs.stats {
+        write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?;
+    }
+    verbosity.summary(&stats, &written);
+    let exit = exit_code(&render, &stats, options.error, signals.exit_code());
+    if exit == EXIT_TARGET_MISSED {
+        verbosity.note("pathspace: warning: stopped before the error target was met");
+    }
+    view.completed(&stats, exit);
+    Ok(exit)
+}
+
+/// A signal first (the picture is not what was asked for), then samples that are not finite, then a missed target.
+fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option<u8>) -> u8 {
+    let reached = |target: f64| stats.error.is_some_and(|error| error.relmse.sqrt() <= target);
+    match (render.stop, signal) {
+        (StopReason::Callback, Some(code)) => code,
+        _ if render.counters.nonfinite > 0 => EXIT_NONFINITE,
+        (StopReason::Error, _) => EXIT_OK,
+        _ if target.is_some_and(|target| !reached(target)) => EXIT_TARGET_MISSED,
+        _ => EXIT_OK,
+    }
+}
+
+fn exr_options(
+    args: &RenderArgs,
+    scene: &Scene,
+    render: &Render,
+    renderer: &Renderer,
+    record: &PlanRecord,
+) -> ExrOptions {
+    let backend = renderer.backend_info();
+    ExrOptions {
+        aovs: args.aov.clone(),
+        render_seconds: Some(render.render_time.as_secs_f64()),
+        view: view_matrices(renderer, scene),
+        seed: Some(args.seed),
+        sample_range: Some((0, render.film.spp().max)),
+        backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
+        isa: Some(backend.isa.clone()),
+        plan: serde_json::to_string(record).ok(),
+    }
+}
+
+fn view_matrices(_renderer: &Renderer, _scene: &Scene) -> Option<ViewMatrices> {
+    // At the merge, from renderer.camera().world_to_camera(scene.origin) and .world_to_ndc(scene.origin)
+    None
+}
+
+fn write_pictures(outputs: &Outputs, film: &Film, exr: &ExrOptions, exposure_ev: f32) -> Result<Vec<PathBuf>> {
+    if let Some(path) = &outputs.exr {
+        film.write_exr(path, exr)?;
+    }
+    for path in &outputs.pngs {
+        film.write_png(path, exposure_ev)?;
+    }
+    Ok::<_, Error>(outputs.exr.iter().chain(&outputs.pngs).cloned().collect())
+}

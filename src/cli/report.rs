@@ -1,0 +1,174 @@
+//! What people read: warnings, steps and the summary, all on stderr, one fact a line, no colour. A closed stderr is not an
+//! error.
+
+use std::fmt::Display;
+use std::io::Write;
+use std::path::PathBuf;
+
+use crate::scene::Warning;
+use crate::stats::Stats;
+
+/// How much is printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verbosity {
+    /// Errors only.
+    Quiet,
+    /// Warnings, progress, summary.
+    Normal,
+    /// Also the plan, the backend and the times of each step.
+    Verbose,
+}
+
+impl Verbosity {
+    /// From `-q` and `-v`.
+    pub fn of(quiet: bool, verbose: bool) -> Self {
+        match (quiet, verbose) {
+            (true, _) => Verbosity::Quiet,
+            (_, true) => Verbosity::Verbose,
+            _ => Verbosity::Normal,
+        }
+    }
+
+    /// Prints a line, unless quiet.
+    pub fn note(self, line: impl Display) {
+        if self >= Verbosity::Normal {
+            stderr_line(line);
+        }
+    }
+
+    /// Prints a line when verbose.
+    pub fn detail(self, line: impl Display) {
+        if self >= Verbosity::Verbose {
+            stderr_line(line);
+        }
+    }
+
+    /// Prints warnings, unless quiet.
+    pub fn warnings(self, warnings: &[Warning]) {
+        for warning in warnings {
+            self.note(format_args!("pathspace: warning: {}: {}", warning.place, warning.what));
+        }
+    }
+
+    /// Prints how a render went.
+    pub fn summary(self, stats: &Stats, written: &[PathBuf]) {
+        for path in written {
+            let [w, h] = stats.resolution;
+            self.note(format_args!("wrote {} ({w}x{h}, {} spp)", path.display(), spp(stats)));
+        }
+        let s = &stats.seconds;
+        self.note(format_args!(
+            "render {:.2} s, {} paths, {:.1} Mrays/s; stopped by {}",
+            s.render,
+            count(stats.paths),
+            stats.mrays_per_s,
+            stats.stop
+        ));
+        if let Some(error) = &stats.error {
+            let percent = |relmse: f64| 100.0 * relmse.sqrt();
+            self.note(format_args!(
+                "estimated relative RMSE {:.2} % (95 %: {:.2} to {:.2} %), relMSE {:.3e}",
+                percent(error.relmse),
+                percent(error.interval[0]),
+                percent(error.interval[1]),
+                error.relmse
+            ));
+        }
+        for bias in &stats.bias {
+            self.detail(format_args!("bias: {}", bias.what));
+        }
+        let b = &stats.backend;
+        self.detail(format_args!(
+            "backend {} {} ({}), rays {}, hierarchy {}B; {} camera, {} bounce, {} shadow rays",
+            b.name,
+            b.version,
+            b.isa,
+            b.rays,
+            count(b.bvh_bytes),
+            count(stats.rays.camera),
+            count(stats.rays.bounce),
+            count(stats.rays.shadow)
+        ));
+        self.detail(format_args!(
+            "load {:.2} s, build {:.2} s, write {:.2} s, total {:.2} s, peak memory {}B",
+            s.load,
+            s.build,
+            s.write,
+            s.total,
+            stats.peak_rss_bytes.map_or("unknown ".into(), count)
+        ));
+        if stats.capped_paths > 0 {
+            self.detail(format_args!("{} paths were ended by the depth limit", count(stats.capped_paths)));
+        }
+        if stats.invalid_rays > 0 {
+            self.note(format_args!(
+                "pathspace: warning: {} rays were not finite and count as misses",
+                stats.invalid_rays
+            ));
+        }
+        if let Some(first) = stats.nonfinite_first.first() {
+            let [x, y] = first.pixel;
+            self.note(format_args!(
+                "pathspace: warning: {} samples were not finite and count as 0, the first at pixel {x},{y} sample {}",
+                stats.nonfinite, first.sample
+            ));
+        }
+    }
+}
+
+/// Prints one line to stderr.
+pub fn stderr_line(line: impl Display) {
+    // Nobody is left to be told when stderr is gone.
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+/// A count with three digits and a decimal prefix: "12.3 M".
+pub fn count(n: u64) -> String {
+    let scales = [(1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")];
+    match scales.into_iter().find(|(scale, _)| n as f64 >= *scale) {
+        Some((scale, prefix)) => {
+            let value = n as f64 / scale;
+            format!("{value:.0$} {prefix}", digits(value))
+        }
+        None => format!("{n} "),
+    }
+}
+
+/// Decimals that make three digits of a number in [1, 1000).
+fn digits(value: f64) -> usize {
+    if value < 10.0 {
+        2
+    } else if value < 100.0 {
+        1
+    } else {
+        0
+    }
+}
+
+fn spp(stats: &Stats) -> String {
+    if stats.spp.min == stats.spp.max {
+        stats.spp.min.to_string()
+    } else {
+        format!("{} to {}", stats.spp.min, stats.spp.max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_have_three_digits() {
+        assert_eq!(
+            [0, 999, 1000, 12_345, 123_456, 1_234_567].map(count),
+            ["0 ", "999 ", "1.00 k", "12.3 k", "123 k", "1.23 M"]
+        );
+    }
+
+    #[test]
+    fn flags_map_to_verbosity() {
+        assert_eq!(Verbosity::of(true, false), Verbosity::Quiet);
+        assert_eq!(Verbosity::of(false, true), Verbosity::Verbose);
+        assert_eq!(Verbosity::of(false, false), Verbosity::Normal);
+    }
+}

@@ -1,0 +1,332 @@
+//! The built binary as a stranger uses it: exit codes, messages, files. Oracle: the command line's contract (DESIGN §8).
+//! All deterministic. Tests that render need `scenes/cornell-box` and say so when it is absent.
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use pathspace::film::Film;
+use pathspace::film::exr::{ExrOptions, read_exr};
+use pathspace::render::Crop;
+
+fn pathspace(args: &[&str]) -> Command {
+    let mut command = Command::cargo_bin("pathspace").expect("the package has this binary");
+    command.args(args).env_remove("SLURM_CPUS_PER_TASK");
+    command
+}
+
+/// Runs and expects an exit code; returns what was printed.
+fn run(code: i32, args: &[&str]) -> Output {
+    let output = pathspace(args).output().expect("the binary starts");
+    assert_eq!(output.status.code(), Some(code), "{args:?}\nstdout: {}\nstderr: {}", out(&output), err(&output));
+    output
+}
+
+fn out(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn err(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("temporary folders have plain names")
+}
+
+fn json(bytes: &[u8]) -> serde_json::Value {
+    serde_json::from_slice(bytes).expect("valid JSON")
+}
+
+fn keys(value: &serde_json::Value) -> Vec<String> {
+    value.as_object().expect("an object").keys().cloned().collect()
+}
+
+/// The scene that the rendering tests use.
+fn cornell_box() -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box/scene.gltf");
+    if !path.is_file() {
+        eprintln!("skipped: {} is absent", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+/// An EXR of `width × height` pixels of grey `value`, except the first pixel, which is `first`.
+fn write_grey(path: &Path, size: (u32, u32), value: f32, first: f32) {
+    let window = Crop { x: 0, y: 0, width: size.0, height: size.1 };
+    let mut film = Film::new(size, window);
+    for (i, pixel) in film.pixels.iter_mut().enumerate() {
+        pixel.add(0, [if i == 0 { first } else { value }; 3], 1.0, 1.0);
+    }
+    film.write_exr(path, &ExrOptions::default()).expect("a writable folder");
+}
+
+#[test]
+fn help_and_version_go_to_stdout() {
+    let help = out(&run(0, &["--help"]));
+    for word in ["render", "info", "compare", "doctor", "Exit codes", "128+n"] {
+        assert!(help.contains(word), "{word} is missing in:\n{help}");
+    }
+    assert_eq!(out(&run(0, &["--version"])), format!("pathspace {}\n", env!("CARGO_PKG_VERSION")));
+    let help = out(&run(0, &["render", "--help"]));
+    let headings =
+        ["Output:", "Stopping:", "Picture:", "Camera:", "Environment:", "Light transport:", "Machine:", "Reporting:"];
+    let flags = [
+        "--output",
+        "--png",
+        "--exposure",
+        "--aov",
+        "--stats",
+        "--spp",
+        "--samples",
+        "--time",
+        "--error",
+        "--min-spp",
+        "--width",
+        "--height",
+        "--crop",
+        "--filter",
+        "--camera",
+        "--aperture-radius",
+        "--focus-distance",
+        "--env",
+        "--env-rotation",
+        "--env-intensity",
+        "--max-depth",
+        "--roulette",
+        "--strategy",
+        "--sampler",
+        "--seed",
+        "--threads",
+        "--backend",
+        "--rays",
+        "--isa",
+        "--progress",
+        "--quiet",
+        "--verbose",
+    ];
+    for word in headings.iter().chain(&flags) {
+        assert!(help.contains(word), "{word} is missing in:\n{help}");
+    }
+    // No colour where no terminal is.
+    assert!(!help.contains('\x1b'));
+}
+
+#[test]
+fn usage_errors_exit_2_and_name_the_option() {
+    let cases: [(&[&str], &str); 16] = [
+        (&[], "Usage"),
+        (&["paint"], "paint"),
+        (&["render"], "SCENE"),
+        (&["render", "a.gltf"], "--output"),
+        (&["render", "a.gltf", "-o", "a.jpg"], "--output"),
+        (&["render", "a.gltf", "-o", "a.exr", "--time", "soon"], "--time"),
+        (&["render", "a.gltf", "-o", "a.exr", "--error", "-1"], "--error"),
+        (&["render", "a.gltf", "-o", "a.exr", "--crop", "10x10"], "--crop"),
+        (&["render", "a.gltf", "-o", "a.exr", "--spp", "0"], "--spp"),
+        (&["render", "a.gltf", "-o", "a.exr", "--width", "0"], "--width"),
+        (&["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"], "blackman-harris"),
+        (&["render", "a.gltf", "-o", "a.exr", "--aov", "albedo"], "variance"),
+        (&["render", "a.gltf", "-o", "a.png", "--aov", "spp"], "--aov"),
+        (&["render", "a.gltf", "-o", "a.exr", "--exposure", "1"], "--exposure"),
+        (&["render", "a.gltf", "-o", "a.exr", "--aperture-radius", "0.1"], "--focus-distance"),
+        (&["render", "a.gltf", "-o", "a.exr", "--env-rotation", "90"], "--env"),
+    ];
+    for (args, word) in cases {
+        let output = run(2, args);
+        assert!(err(&output).contains(word), "{args:?}: {word} is missing in: {}", err(&output));
+        assert!(out(&output).is_empty(), "{args:?}: {}", out(&output));
+    }
+}
+
+#[test]
+fn missing_files_and_folders_exit_1_and_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let picture = folder.path().join("a.exr");
+    let output = run(1, &["render", "no-such-scene.gltf", "-o", text(&picture)]);
+    assert!(err(&output).contains("no-such-scene.gltf"), "{}", err(&output));
+    assert!(out(&output).is_empty() && std::fs::read_dir(folder.path()).expect("a folder").count() == 0);
+
+    // The output's folder is looked at before the scene.
+    let missing = folder.path().join("missing/a.exr");
+    let output = run(1, &["render", "no-such-scene.gltf", "-o", text(&missing)]);
+    assert!(err(&output).contains("missing"), "{}", err(&output));
+
+    let output = run(1, &["info", "no-such-scene.glb"]);
+    assert!(err(&output).contains("no-such-scene.glb") && err(&output).lines().count() == 1, "{}", err(&output));
+
+    let output = run(1, &["render", "no-such-scene.gltf", "-o", text(&picture), "--progress", "ndjson"]);
+    let line = json(&output.stdout);
+    assert_eq!((line["type"].as_str(), line["exit"].as_u64()), (Some("failed"), Some(1)));
+}
+
+#[test]
+fn compare_has_the_exit_codes_of_idiff() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let (a, b, small, broken) = (path("a.exr"), path("b.exr"), path("small.exr"), path("broken.exr"));
+    write_grey(&a, (20, 5), 0.5, 0.5);
+    write_grey(&b, (20, 5), 0.5, 0.75);
+    write_grey(&small, (5, 20), 0.5, 0.5);
+    std::fs::write(&broken, b"not an image").expect("a writable folder");
+    let (a, b) = (text(&a), text(&b));
+
+    let output = run(0, &["compare", a, a]);
+    assert!(out(&output).contains("verdict         ok"), "{}", out(&output));
+    run(2, &["compare", a, b]);
+    // One of 100 pixels differs by 0.25: within --fail it only warns; within --warn too it is fine.
+    run(1, &["compare", a, b, "--fail", "0.3"]);
+    run(0, &["compare", a, b, "--fail", "0.3", "--warn", "0.3"]);
+    run(1, &["compare", a, b, "--failpercent", "1"]);
+    run(2, &["compare", a, b, "--failpercent", "0.5"]);
+    run(2, &["compare", a, b, "--failpercent", "1", "--hardfail", "0.2"]);
+    run(3, &["compare", a, text(&small)]);
+    let output = run(4, &["compare", a, text(&broken)]);
+    assert!(err(&output).contains("broken.exr") && out(&output).is_empty());
+    run(4, &["compare", a, "no-such-image.exr"]);
+
+    // By hand: (I − R)² = 1/16 in one of 100 pixels, R = 0.5 there.
+    let record = json(&run(2, &["compare", b, a, "--json"]).stdout);
+    let number = |key: &str| record[key].as_f64().unwrap_or(f64::NAN);
+    assert!((number("mse") - 1.0 / 1600.0).abs() < 1e-9);
+    assert!((number("epsilon") - 0.0025).abs() < 1e-9);
+    assert!((number("relmse") - 1.0 / 1600.0 / 0.2525).abs() < 1e-9);
+    assert!((record["mean_ratio"][1].as_f64().unwrap_or(f64::NAN) - 1.005).abs() < 1e-6);
+    assert!(number("flip") > 0.0 && number("flip") < 0.1, "{record}");
+    assert_eq!(keys(&record)[..6], ["mse", "relmse", "relmse_trimmed", "epsilon", "flip", "mean_ratio"]);
+}
+
+#[test]
+fn doctor_says_what_is_there_and_what_to_install() {
+    if cornell_box().is_none() {
+        return;
+    }
+    let text = out(&run(0, &["doctor"]));
+    for word in ["embree", "obvhs", "brute", "threads", "features", "libembree-dev", "ready to render"] {
+        assert!(text.contains(word), "{word} is missing in:\n{text}");
+    }
+}
+
+#[test]
+fn info_prints_the_plan_as_json_with_the_contracted_keys() {
+    let Some(scene) = cornell_box() else { return };
+    let record = json(&run(0, &["info", text(&scene), "--json"]).stdout);
+    assert_eq!(keys(&record)[..6], ["scene", "effects", "stages", "rays", "wave", "bias"]);
+    assert_eq!(keys(&record["effects"]), ["found", "simulated", "ignored"]);
+    assert_eq!(keys(&record["rays"]), ["camera", "bounce", "shadow"]);
+    assert!(record["scene"]["triangles"].as_u64().is_some_and(|n| n > 30), "{record}");
+    let plain = out(&run(0, &["info", text(&scene)]));
+    assert!(plain.contains("stages") && plain.contains("triangles"), "{plain}");
+}
+
+#[test]
+fn a_render_writes_picture_preview_and_statistics() {
+    let Some(scene) = cornell_box() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let (exr, png, stats) = (path("a.exr"), path("a.png"), path("a.json"));
+    let mut args = vec!["render", text(&scene), "-o", text(&exr), "--png", text(&png), "--stats", text(&stats)];
+    args.extend(["--width", "32", "--crop", "16x8+4+20", "--spp", "4", "--aov", "variance,spp", "--seed", "7"]);
+    let output = run(0, &args);
+    assert!(out(&output).is_empty(), "{}", out(&output));
+    assert!(err(&output).contains("wrote ") && err(&output).contains(text(&exr)), "{}", err(&output));
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 3);
+
+    let picture = read_exr(&exr).expect("just written");
+    assert_eq!((picture.display, picture.position), ((32, 32), (4, 20)));
+    assert_eq!((picture.width, picture.height), (16, 8));
+    assert!(picture.rgb.iter().flatten().any(|v| *v > 0.0));
+
+    let record = json(&std::fs::read(&stats).expect("just written"));
+    let expected = [
+        "schema",
+        "command",
+        "scene",
+        "seconds",
+        "resolution",
+        "spp",
+        "seed",
+        "threads",
+        "paths",
+        "rays",
+        "mpaths_per_s",
+        "mrays_per_s",
+        "peak_rss_bytes",
+        "nonfinite",
+        "stop",
+        "backend",
+        "effects",
+        "bias",
+        "error",
+    ];
+    assert_eq!(keys(&record)[..expected.len()], expected);
+    assert_eq!(keys(&record["scene"]), ["file", "triangles", "instances", "materials", "lights", "textures"]);
+    assert_eq!(keys(&record["seconds"]), ["load", "build", "render", "write", "total"]);
+    assert_eq!(keys(&record["backend"])[..4], ["name", "version", "isa", "rays"]);
+    assert_eq!(keys(&record["error"])[..3], ["relmse", "stderr_mean", "confidence"]);
+    assert_eq!((record["schema"].as_u64(), record["stop"].as_str()), (Some(1), Some("spp")));
+    assert_eq!((record["seed"].as_u64(), record["paths"].as_u64()), (Some(7), Some(16 * 8 * 4)));
+}
+
+#[test]
+fn a_missed_error_target_exits_3_and_still_writes() {
+    let Some(scene) = cornell_box() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let exr = folder.path().join("a.exr");
+    let args = ["render", text(&scene), "-o", text(&exr), "--width", "16", "--spp", "4", "--error", "0.001%"];
+    run(3, &args);
+    assert!(exr.is_file());
+    // A generous target is met.
+    run(0, &["render", text(&scene), "-o", text(&exr), "--width", "16", "--error", "1000%", "--min-spp", "2"]);
+}
+
+#[test]
+fn progress_is_lines_or_objects_as_asked() {
+    let Some(scene) = cornell_box() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let exr = folder.path().join("a.exr");
+    let common = ["render", text(&scene), "-o", text(&exr), "--width", "16", "--spp", "4"];
+    let with = |more: &[&str]| run(0, &[&common[..], more].concat());
+
+    let ndjson = out(&with(&["--progress", "ndjson"]));
+    let lines: Vec<_> = ndjson.lines().map(|line| json(line.as_bytes())).collect();
+    let types: Vec<_> = lines.iter().filter_map(|line| line["type"].as_str()).collect();
+    assert_eq!(types.iter().filter(|t| **t == "completed").count(), 1, "{ndjson}");
+    assert_eq!(types.last(), Some(&"completed"), "{ndjson}");
+    assert_eq!(keys(&lines[0]), ["type", "t", "spp", "pct", "err", "target", "eta", "mrays"]);
+
+    assert!(err(&with(&["--progress", "plain"])).contains("100 %"));
+    assert!(err(&with(&["--progress", "tty"])).contains('\x1b'));
+    // Not a terminal: no control sequences, and quiet means silent.
+    assert!(!err(&with(&[])).contains('\x1b'));
+    assert_eq!(err(&with(&["--quiet"])), "");
+    assert!(err(&with(&["--progress", "none", "-v"])).contains("backend "));
+}
+
+#[test]
+fn a_signal_writes_what_was_rendered() {
+    let Some(scene) = cornell_box() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let exr = folder.path().join(format!("{signal}.exr"));
+        let child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("pathspace"))
+            .args(["render", text(&scene), "-o", text(&exr), "--width", "32", "--time", "60s", "--progress", "ndjson"])
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn();
+        let mut child = child.expect("the binary starts");
+        // The first object says that rendering has begun.
+        let mut line = String::new();
+        let stdout = child.stdout.take().expect("piped");
+        let mut reader = std::io::BufReader::new(stdout);
+        std::io::BufRead::read_line(&mut reader, &mut line).expect("a line of progress");
+        let kill = std::process::Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status();
+        assert!(kill.is_ok_and(|status| status.success()));
+        // The rest is read to the end, so that the child never waits for room in the pipe.
+        std::io::Read::read_to_string(&mut reader, &mut line).expect("text");
+        assert_eq!(child.wait().expect("it ends").code(), Some(code));
+        assert!(read_exr(&exr).expect("written on the signal").rgb.iter().flatten().any(|v| *v > 0.0));
+        assert!(line.contains(r#""stop":"signal""#), "{line}");
+    }
+}
