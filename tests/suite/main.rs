@@ -1,1 +1,3 @@
-fn main() {}
+//! The suite: one module per theme.
+
+mod bsdf;
