@@ -96,3 +96,128 @@ pub fn dielectric_average(eta: f64) -> f64 {
         + 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * (n4 - 1.0).powi(2)) * n.ln();
     f.clamp(0.0, 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pathspace_stat::GaussLegendre;
+
+    /// 1 − F inside a relative index of 1.5, in f64 with the same f32 cosine, by the textbook form.
+    fn transmitted_from_inside(cos: f32) -> f64 {
+        let (n, c) = (1.0 / 1.5_f64, f64::from(cos));
+        let t = (1.0 - (1.0 - c * c) / (n * n)).sqrt();
+        let (s, p) = ((c - n * t) / (c + n * t), (n * c - t) / (n * c + t));
+        1.0 - 0.5 * (s * s + p * p)
+    }
+
+    /// HARDCASES B07. Oracle: 40-digit table; 1e-6 absolute.
+    #[test]
+    fn b07_dielectric_table() {
+        let cosines = [1.0, 0.8, 0.5, 0.1, 0.01, 0.001];
+        let table = [
+            (1.5, [0.04, 0.043894736, 0.0891867128, 0.57159252, 0.943752543, 0.994205573]),
+            (1.33, [0.0200593122, 0.022808414, 0.0591255992, 0.538989758, 0.938940902, 0.993706005]),
+            (2.4, [0.169550173, 0.173269167, 0.209351261, 0.585988703, 0.940796621, 0.993831729]),
+        ];
+        for (eta, row) in table {
+            for (cos, expected) in cosines.into_iter().zip(row) {
+                let got = f64::from(dielectric(cos, eta).reflectance);
+                assert!((got - expected).abs() <= 1e-6, "eta {eta} cos {cos}: {got} against {expected}");
+            }
+        }
+        let brewster = f64::from(dielectric(0.554700196, 1.5).reflectance);
+        assert!((brewster - 0.073964497).abs() <= 1e-6, "{brewster}");
+    }
+
+    /// HARDCASES B08. Oracle: 40-digit table where an f32 cosine can hold it, the textbook form in f64 at the rounded
+    /// cosine everywhere; 1e-3 relative in 1 − F. Monotone over 10⁶ consecutive cosines.
+    #[test]
+    fn b08_near_the_critical_angle() {
+        let critical = 0.745_355_992_5_f64;
+        let table =
+            [(1e-1, 0.935156191), (1e-2, 0.631894948), (1e-3, 0.280391173), (1e-4, 0.100270356), (1e-5, 0.0330294212)];
+        for (d, expected) in table {
+            let cos = (critical + d) as f32;
+            let got = 1.0 - f64::from(dielectric(-cos, 1.5).reflectance);
+            let at_rounded = transmitted_from_inside(cos);
+            assert!((got / at_rounded - 1.0).abs() <= 1e-3, "d {d}: {got} against {at_rounded}");
+            // The cosine's rounding, 2⁻²⁵, moves 1 − F by half of its share of d.
+            let rounding = 0.5 * (0.5_f64.powi(25) / d);
+            assert!((got / expected - 1.0).abs() <= 1e-3 + rounding, "d {d}: {got} against {expected}");
+        }
+        for below in [0.745355, 0.7, 0.1, 1e-6] {
+            let interface = dielectric(-below, 1.5);
+            assert_eq!((interface.reflectance, interface.cos_t), (1.0, 0.0), "cos {below}");
+        }
+        let first = (critical as f32).to_bits() - 1000;
+        let mut last = 1.0;
+        for bits in first..first + 1_000_000 {
+            let f = dielectric(-f32::from_bits(bits), 1.5).reflectance;
+            assert!(f <= last, "F rises from {last} to {f} at bits {bits:#x}");
+            last = f;
+        }
+    }
+
+    /// HARDCASES B09. Oracle: exact values for the f32 inputs; 1e-5 absolute, and nothing at all at eta = 1.
+    #[test]
+    fn b09_index_match() {
+        for cos in [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-30] {
+            for side in [1.0, -1.0] {
+                let interface = dielectric(side * cos, 1.0);
+                assert_eq!((interface.reflectance, interface.cos_t), (0.0, cos), "cos {cos}");
+            }
+        }
+        let cosines = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5];
+        let table = [
+            (1.000001, [2.27373459e-13, 2.22828953e-9, 2.23063271e-5, 0.0679405179, 0.748728645, 0.971452543]),
+            (1.0001, [2.50057966e-9, 2.40288714e-5, 0.0717898037, 0.753817148, 0.972112432, 0.997175592]),
+            (1.01, [2.47518156e-5, 0.0697665121, 0.752206998, 0.971905092, 0.997154319, 0.999715067]),
+        ];
+        for (eta, row) in table {
+            for (cos, expected) in cosines.into_iter().zip(row) {
+                let got = f64::from(dielectric(cos, eta).reflectance);
+                assert!((got - expected).abs() <= 1e-5, "eta {eta} cos {cos}: {got} against {expected}");
+            }
+        }
+    }
+
+    /// HARDCASES B10. Oracle: complex arithmetic in 40 digits; 2e-6 absolute, never above 1; k = 0 is the dielectric.
+    #[test]
+    fn b10_conductor() {
+        let cosines = [1.0, 0.5, 0.1, 0.001];
+        let table = [
+            (0.2, 3.9, [0.951951952, 0.945882382, 0.96289654, 0.999564974]),
+            (1.5, 0.0, [0.04, 0.0891867128, 0.57159252, 0.994205573]),
+            (2.0, 4.0, [0.68, 0.65653285, 0.726233007, 0.995735475]),
+            (0.05, 100.0, [0.999980002, 0.999975007, 0.999899985, 0.999900985]),
+        ];
+        for (n, k, row) in table {
+            for (cos, expected) in cosines.into_iter().zip(row) {
+                let got = conductor(cos, n, k);
+                assert!(got <= 1.0 && (f64::from(got) - expected).abs() <= 2e-6, "n {n} k {k} cos {cos}: {got}");
+            }
+        }
+        for i in 0..=1000 {
+            let cos = i as f32 / 1000.0;
+            assert!((conductor(cos, 1.5, 0.0) - dielectric(cos, 1.5).reflectance).abs() <= 2e-6, "cos {cos}");
+        }
+        assert_eq!(conductor(0.0, 1.0, 0.0), 0.0);
+    }
+
+    /// HARDCASES B11. Oracle: 40-digit integrals, and quadrature of `dielectric` itself; 1e-5 absolute.
+    #[test]
+    fn b11_hemispherical_averages() {
+        let rule = GaussLegendre::new(128);
+        for (eta, outside, inside) in
+            [(1.33, 0.0659308493, 0.4719491488), (1.5, 0.09177795934, 0.5963457597), (2.4, 0.210181302, 0.8628786983)]
+        {
+            assert!((dielectric_average(eta) - outside).abs() <= 1e-9);
+            assert!((dielectric_average(1.0 / eta) - inside).abs() <= 1e-9);
+            let f = |mu: f64| 2.0 * mu * f64::from(dielectric(mu as f32, eta as f32).reflectance);
+            assert!((rule.integrate([0.0, 1.0], f) - outside).abs() <= 1e-5, "eta {eta}");
+        }
+        assert_eq!(dielectric_average(1.0), 0.0);
+        let schlick_mean = rule.integrate([0.0, 1.0], |mu| 2.0 * mu * f64::from(schlick_weight(mu as f32)));
+        assert!((schlick_mean - f64::from(SCHLICK_AVERAGE)).abs() < 1e-7);
+    }
+}
