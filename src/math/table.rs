@@ -267,7 +267,7 @@ impl Distribution2D {
         SquarePoint { uv, pdf_uv: cell.p * (self.width as f32 * self.height as f32) }
     }
 
-    /// Density of [`sample`](Self::sample) at `uv` in [0,1]², per unit of area.
+    /// Density of [`sample`](Self::sample) at a point of the unit square, per unit of area.
     #[inline]
     pub fn pdf(&self, uv: [f32; 2]) -> f32 {
         let cell = |x: f32, count: u32| ((x * count as f32) as u32).min(count - 1);
