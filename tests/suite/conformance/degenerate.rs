@@ -139,7 +139,9 @@ fn identical_and_concentric_triangles() {
                 assert!(spent < Duration::from_secs(10), "{}: {n} {name} triangles took {spent:?}", kind.name());
                 let ray = TestRay::new(Vec3::new(0.0, 0.0, 2.0), Vec3::NEG_Z);
                 let hit = closest(backend.as_ref(), &[ray], Coherence::Incoherent)[0];
-                assert_eq!(hit.map(|h| h.t), expected.map(|_| 2.0), "{}: {n} {name}", kind.name());
+                // Embree divides by an approximate reciprocal: four ulps.
+                let near = hit.map(|h| (h.t - 2.0).abs() <= 4.0 * 2.0 * f32::EPSILON);
+                assert_eq!(near, expected.map(|_| true), "{}: {n} {name}: {hit:?}", kind.name());
                 if row.rule == super::Rule::Exact {
                     assert_eq!(hit.map(|h| h.prim), expected, "{}: {n} {name}", kind.name());
                 }

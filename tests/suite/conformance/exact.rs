@@ -17,11 +17,11 @@ const ROUNDINGS: f64 = 16.0 / (1u64 << 24) as f64;
 
 /// A ray and the plane of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub struct Look {
+struct Look {
     /// Parameter at the plane.
-    pub t: f64,
+    t: f64,
     /// Tolerance of `t`.
-    pub t_slack: f64,
+    t_slack: f64,
     /// Distance of the point from the border, positive inside.
     border: f64,
     border_slack: f64,
@@ -34,12 +34,12 @@ pub struct Look {
 }
 
 impl Look {
-    pub fn definite(&self) -> bool {
+    fn definite(&self) -> bool {
         let (tnear, tfar) = self.segment;
         self.border > self.border_slack && self.t > tnear + self.t_slack && self.t < tfar - self.t_slack
     }
 
-    pub fn possible(&self) -> bool {
+    fn possible(&self) -> bool {
         let (tnear, tfar) = self.segment;
         self.border >= -self.border_slack && self.t >= tnear - self.t_slack && self.t <= tfar + self.t_slack
     }
@@ -49,7 +49,7 @@ impl Look {
     }
 
     /// Whether a reported hit is this triangle's, up to rounding.
-    pub fn matches(&self, hit: &Hit) -> bool {
+    fn matches(&self, hit: &Hit) -> bool {
         let du = (f64::from(hit.u) - self.u).abs() * self.edges.0;
         let dv = (f64::from(hit.v) - self.v).abs() * self.edges.1;
         (f64::from(hit.t) - self.t).abs() <= self.t_slack && du + dv <= self.point_slack
@@ -57,7 +57,7 @@ impl Look {
 }
 
 /// Looks along `ray` at one triangle; `None` for one that is a line or parallel to the ray.
-pub fn look(geometry: &Geometry, ray: &TestRay, (inst, geom, prim): (u32, u32, u32)) -> Option<Look> {
+fn look(geometry: &Geometry, ray: &TestRay, (inst, geom, prim): (u32, u32, u32)) -> Option<Look> {
     let mesh = geometry.meshes.get(geom as usize)?;
     let world = match inst {
         INVALID_ID => DAffine3::IDENTITY,
@@ -126,6 +126,11 @@ pub fn nearest(geometry: &Geometry, ray: &TestRay) -> Option<Hit> {
         .filter_map(|id| look(geometry, ray, id).filter(Look::exact).map(|look| (id, look)))
         .min_by(|a, b| a.1.t.total_cmp(&b.1.t))
         .map(|((inst, geom, prim), l)| Hit { t: l.t as f32, u: l.u as f32, v: l.v as f32, prim, geom, inst })
+}
+
+/// Whether the numbers of `hit` are those of the triangle it names, up to rounding.
+pub fn matches(geometry: &Geometry, ray: &TestRay, hit: &Hit) -> bool {
+    look(geometry, ray, (hit.inst, hit.geom, hit.prim)).is_some_and(|look| look.possible() && look.matches(hit))
 }
 
 /// Whether a backend may report `got` for `ray`.

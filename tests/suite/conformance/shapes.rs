@@ -28,7 +28,7 @@ impl Rng {
 
     /// In [0, n).
     pub fn below(&mut self, n: usize) -> usize {
-        (u64::from(self.next()) * n as u64 >> 32) as usize
+        ((u64::from(self.next()) * n as u64) >> 32) as usize
     }
 
     /// In [0, 1).
@@ -108,7 +108,7 @@ pub fn soup(rng: &mut Rng, n: usize, size: f32) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
-/// The closed lat-long sphere of HARDCASES G01: n = 50, evaluated in f32 with the poles collapsed, without the
+/// The closed lat-long sphere of HARDCASES G01: n = 50, evaluated in f32, with the poles collapsed, without the
 /// degenerate triangles there (9800 remain). Vertices are shared, so that edges are.
 pub fn sphere(center: Vec3) -> TriangleMesh {
     const N: u32 = 50;
