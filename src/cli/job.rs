@@ -2,7 +2,6 @@
 //! camera, environment) is settled. Ranges that the plan checks are left to the plan.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -90,29 +89,17 @@ impl<'a> EnvironmentRequest<'a> {
 
 /// Loads a scene and its environment. A scene without any light gets a constant white one, and a warning.
 pub fn load(path: &Path, environment: Option<EnvironmentRequest>) -> Result<Scene> {
-    let mut scene = load_scene(path)?;
+    let mut scene = Scene::load(path)?;
     if let Some(request) = environment {
-        load_environment(&mut scene, &request)?;
+        scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)?;
     } else if !has_light(&scene) {
-        scene.environment = Some(white_environment());
+        scene.environment = Some(Environment::constant(Vec3::ONE));
         scene.warnings.push(Warning {
             place: path.display().to_string(),
             what: "no light of any kind: lit by a constant white environment of radiance 1".into(),
         });
     }
     Ok(scene)
-}
-
-fn load_scene(path: &Path) -> Result<Scene> {
-    // At the merge: Scene::load(path)
-    std::fs::File::open(path).map_err(|source| Error::io(path, "read", source))?;
-    let problem = "this branch has no scene loader".into();
-    Err(Error::InvalidScene { file: path.into(), pointer: "/".into(), problem })
-}
-
-fn load_environment(_scene: &mut Scene, request: &EnvironmentRequest) -> Result<()> {
-    // At the merge: scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)
-    Err(Error::Image { path: request.path.into(), problem: "this branch has no environment loader".into() })
 }
 
 /// Whether anything in the scene shines: an emissive surface that is placed, a punctual light, an environment.
@@ -124,10 +111,6 @@ pub fn has_light(scene: &Scene) -> bool {
     scene.environment.is_some()
         || scene.punctual.iter().any(|light| light.intensity.max_element() > 0.0)
         || scene.instances.iter().any(emits)
-}
-
-fn white_environment() -> Environment {
-    Environment { width: 1, height: 1, texels: Arc::new([Vec3::ONE]), rotation_rad: 0.0, intensity: 1.0 }
 }
 
 /// Options of the render, settled against the scene.
@@ -268,7 +251,7 @@ mod tests {
     fn a_scene_without_lights_is_recognised() {
         let mut scene = Scene::default();
         assert!(!has_light(&scene));
-        scene.environment = Some(white_environment());
+        scene.environment = Some(Environment::constant(Vec3::ONE));
         assert!(has_light(&scene));
     }
 }
