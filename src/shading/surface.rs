@@ -10,12 +10,12 @@
 use glam::Vec3;
 
 use super::bsdf::albedo::SpecularAlbedo;
-use super::bsdf::dielectric::{Body, Dielectric};
+use super::bsdf::dielectric::{Body, Dielectric, MAX_INDEX};
 use super::bsdf::glossy::{Glossy, GlossyParams};
 use super::bsdf::{BsdfEval, BsdfSample, lambert};
 use crate::scene::Material;
 
-/// Largest index of refraction that is told from infinity: F0 is then within 4e-4 of 1.
+/// Largest index of a coat that is told from infinity: F0 is then within 4e-4 of 1.
 const MAX_IOR: f32 = 1e4;
 
 /// Factors of a material after its textures.
@@ -72,7 +72,7 @@ impl<'t> Surface<'t> {
             } else if material.transmission >= 1.0 || u_material - metallic < (1.0 - metallic) * material.transmission {
                 return Surface::Dielectric(Dielectric {
                     body: if material.thickness > 0.0 { Body::Solid } else { Body::Thin },
-                    eta: index(material),
+                    eta: index(material).min(MAX_INDEX),
                     alpha,
                     tint: base_color,
                     specular: material.specular,

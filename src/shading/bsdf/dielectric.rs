@@ -21,6 +21,10 @@ use super::{BsdfEval, BsdfSample};
 /// relative error of about 2⁻²³/|η−1|, which is then a hundredth of alpha.
 const REFRACTION_DELTA: f32 = 1e-5;
 
+/// Largest relative index of a body. No clear material comes near (germanium has 4); beyond it, an f32 cosine inside no
+/// longer resolves the critical angle (1 − cos is 2e-3 here, 2e-9 at 1e4).
+pub const MAX_INDEX: f32 = 16.0;
+
 /// Whether light crosses a wall or enters a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Body {
@@ -35,7 +39,7 @@ pub enum Body {
 pub struct Dielectric {
     /// Solid or thin-walled.
     pub body: Body,
-    /// n(inside)/n(outside).
+    /// n(inside)/n(outside), at most [`MAX_INDEX`].
     pub eta: f32,
     /// GGX alpha.
     pub alpha: f32,
@@ -68,7 +72,13 @@ impl Dielectric {
     #[inline(always)]
     fn split(&self, wo: Vec3, cos: f32) -> Split {
         let inside = self.body == Body::Solid && wo.z < 0.0;
-        let interface = fresnel::dielectric(if inside { -cos } else { cos }, self.eta);
+        self.split_signed(if inside { -cos } else { cos })
+    }
+
+    /// Reflectance at a facet; `cos` > 0 is seen from outside, < 0 from inside.
+    #[inline(always)]
+    fn split_signed(&self, cos: f32) -> Split {
+        let interface = fresnel::dielectric(cos, self.eta);
         let f = interface.reflectance;
         // F runs from F0 to 1; the tint acts on the F0 end of that scale and leaves white specular exactly F.
         let root = (self.eta - 1.0) / (self.eta + 1.0);
@@ -137,9 +147,11 @@ impl Dielectric {
         if !(o_m > 0.0 && i_m < 0.0 && length > 0.0) {
             return BsdfEval::ZERO;
         }
-        let split = self.split(wo, o_m);
-        let through = 1.0 - split.p_reflect;
-        let eta = split.interface.eta;
+        // The reflectance is the same from both sides; the cosine on the thin side tells it without the square root that
+        // magnifies rounding near the critical angle on the other.
+        let eta = self.relative_index(wo);
+        let thin_side = if eta < 1.0 { (-i_m, -wo.z) } else { (o_m, wo.z) };
+        let through = 1.0 - self.split_signed(thin_side.0.copysign(thin_side.1)).p_reflect;
         let ggx = Ggx::isotropic(self.alpha);
         // d(normal)/d(wi) = η²·|i·m|/length²; the radiance of the denser side is η² higher, which cancels its η².
         let jacobian = -i_m / (length * length);
@@ -166,7 +178,8 @@ impl Dielectric {
         // Reflection: the weight is tint over probability, times masking if rough.
         if u[0] < split.p_reflect {
             let i = reflect(o, m);
-            if !(i.z > 0.0) {
+            let above = i.z > 0.0;
+            if !above {
                 return None;
             }
             let masking = if smooth { 1.0 } else { ggx.masking(i) };
@@ -178,7 +191,8 @@ impl Dielectric {
         // Straight through a thin wall: the mirrored reflection.
         if self.body == Body::Thin {
             let mirrored = reflect(o, m);
-            if !(mirrored.z > 0.0) {
+            let above = mirrored.z > 0.0;
+            if !above {
                 return None;
             }
             let masking = if smooth { 1.0 } else { ggx.masking(mirrored) };
@@ -190,8 +204,10 @@ impl Dielectric {
 
         // Refraction.
         let Interface { cos_t, eta, .. } = split.interface;
-        let i = m * (o_m / eta - cos_t) - o / eta;
-        if !(i.z < 0.0) {
+        // Rounding grows with 1/eta on the way out of a dense body; equal indices change nothing at all.
+        let i = if eta == 1.0 { -o } else { (m * (o_m / eta - cos_t) - o / eta).normalize() };
+        let through = i.z < 0.0;
+        if !through {
             return None;
         }
         let masking = if smooth { 1.0 } else { ggx.masking(i) };

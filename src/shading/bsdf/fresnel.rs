@@ -26,7 +26,7 @@ pub fn schlick(f0: Vec3, f90: f32, cos: f32) -> Vec3 {
 /// What a dielectric interface does to a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interface {
-    /// Reflected fraction of the energy, in [0,1]; 1 beyond the critical angle.
+    /// Reflected fraction of the energy, from 0 to 1; 1 beyond the critical angle.
     pub reflectance: f32,
     /// Cosine of the refracted ray with the far side of the normal; 0 beyond the critical angle.
     pub cos_t: f32,
@@ -125,7 +125,7 @@ mod tests {
                 assert!((got - expected).abs() <= 1e-6, "eta {eta} cos {cos}: {got} against {expected}");
             }
         }
-        let brewster = f64::from(dielectric(0.554700196, 1.5).reflectance);
+        let brewster = f64::from(dielectric(0.554_700_2, 1.5).reflectance);
         assert!((brewster - 0.073964497).abs() <= 1e-6, "{brewster}");
     }
 

@@ -74,7 +74,8 @@ impl<'t> Glossy<'t> {
         let w = schlick_weight(cos_o).max(SCHLICK_AVERAGE);
         let specular = (self.f0 + (Vec3::splat(self.f90) - self.f0) * w).max_element();
         let diffuse = self.diffuse.max_element() * below_o;
-        specular / (specular + diffuse).max(f32::MIN_POSITIVE)
+        let total = specular + diffuse;
+        if total > 0.0 { specular / total } else { 1.0 }
     }
 
     /// Value and density for a pair of directions; the mirror is not part of it.
@@ -103,7 +104,8 @@ impl<'t> Glossy<'t> {
     /// Draws a direction; `u` = lobe, u, v. `None` where the chosen facet reflects into the surface.
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        if !(wo.z > 0.0) {
+        let seen = wo.z > 0.0;
+        if !seen {
             return None;
         }
         let below_o = self.below.at(wo.z);
@@ -120,7 +122,8 @@ impl<'t> Glossy<'t> {
             let wi = warp::cosine_hemisphere([u[1], u[2]]);
             (wi, half_vector(wo, wi))
         };
-        if !(wi.z > 0.0) {
+        let above = wi.z > 0.0;
+        if !above {
             return None;
         }
         let eval = self.eval_above(wo, wi, m, below_o, p_specular);

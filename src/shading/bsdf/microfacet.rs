@@ -69,7 +69,7 @@ impl Ggx {
         2.0 / (w.z.abs() + self.stretched_length(w))
     }
 
-    /// Smith masking G1(w) in [0,1].
+    /// Smith masking G1(w) from 0 to 1.
     #[inline(always)]
     pub fn masking(self, w: Vec3) -> f32 {
         (w.z.abs() * self.masking_over_cos(w)).min(1.0)

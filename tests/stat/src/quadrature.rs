@@ -1,6 +1,6 @@
 //! Gauss–Legendre quadrature on rectangles, subdivided where one rule does not resolve the integrand.
 
-/// Nodes and weights on [0,1].
+/// Nodes and weights from 0 to 1.
 #[derive(Clone, Debug)]
 pub struct GaussLegendre {
     nodes: Vec<(f64, f64)>,
@@ -32,7 +32,7 @@ impl GaussLegendre {
         GaussLegendre { nodes }
     }
 
-    /// Nodes and weights on [0,1].
+    /// Nodes and weights from 0 to 1.
     pub fn nodes(&self) -> &[(f64, f64)] {
         &self.nodes
     }
@@ -48,7 +48,7 @@ impl GaussLegendre {
     }
 }
 
-/// ∬f over x × y by 8×8 rules, splitting in four until two levels agree to `tolerance` (absolute, shared among the
+/// ∬f over x × y by the rule, splitting in four until two levels agree to `tolerance` (absolute, shared among the
 /// parts) or `depth` splits are done.
 pub fn integrate(
     rule: &GaussLegendre,

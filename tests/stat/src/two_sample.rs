@@ -29,7 +29,7 @@ pub fn welch(a: &Moments, b: &Moments) -> Welch {
     Welch { t, dof, p_value: t_tail(t, dof) }
 }
 
-/// Kolmogorov–Smirnov test that the values are uniform on [0,1]: probability of a deviation at least as large
+/// Kolmogorov–Smirnov test that the values are uniform from 0 to 1: probability of a deviation at least as large
 /// (asymptotic series with Stephens' correction, good from about ten values).
 pub fn ks_uniform(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
