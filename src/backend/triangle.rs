@@ -1,13 +1,14 @@
 //! Watertight ray–triangle test: a ray that passes over a shared edge or vertex hits at least one of the triangles there.
 //!
-//! The ray is sheared onto its largest axis once ([`RayShear`]); a triangle is then a 2D problem whose three edge
+//! The ray is sheared onto its largest axis once (`RayShear`); a triangle is then a 2D problem whose three edge
 //! functions have exactly opposite signs for the two owners of an edge. A product difference rounds to the right sign or
 //! to zero, so a zero is settled in f64, where the products are exact. Edges and vertices belong to both sides; both
 //! faces are hit; `tnear ≤ t ≤ tfar` is inclusive. `t` is in units of the direction's length, never of its own.
-//! One source serves one triangle ([`RayShear::intersect`], the oracle) and blocks of N ([`RayShear::intersect_lanes`]):
+//! One source serves one triangle (`intersect`, the oracle) and blocks of N (`intersect_lanes`):
 //! the operations and their order are the same, so the numbers are too (Rust never contracts to FMA by itself).
 //! Source: Woop, Benthin, Wald 2013 (JCGT 2:1); here weights are divided first and the depth is interpolated by
-//! differences: 10¹⁸ m coordinates do not overflow, and a plane across the ray is hit at its exact distance. Limit: a triangle seen exactly edge-on is not hit (its neighbours are).
+//! differences: 10¹⁸ m coordinates do not overflow, and a plane across the ray is hit at its exact distance.
+//! Limit: a triangle seen exactly edge-on is not hit (its neighbours are).
 
 use glam::Vec3;
 
@@ -138,10 +139,10 @@ pub(crate) struct RayShear {
     kx: usize,
     ky: usize,
     kz: usize,
-    /// dir[kx]/dir[kz], dir[ky]/dir[kz].
+    /// `dir[kx]/dir[kz]` and `dir[ky]/dir[kz]`.
     sx: f32,
     sy: f32,
-    /// dir[kz].
+    /// `dir[kz]`.
     dz: f32,
 }
 

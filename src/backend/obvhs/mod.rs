@@ -1,5 +1,23 @@
-//! Rays through an eight-wide hierarchy that the `obvhs` crate's builder starts and our own code folds and walks; leaves are
-//! tested by our watertight test. No C library, no `unsafe`.
+//! Rays through an eight-wide hierarchy: the `obvhs` crate clusters, our own code folds and walks, leaves are tested by our
+//! watertight test. No C library, no `unsafe`. Every query mode is traced ray by ray; `BackendInfo` says "single".
+//!
+//! Boxes are grown, zero direction components made finite, copies and degenerate triangles dropped (HARDCASES §5.3):
+//! no ray was lost of 2·10⁶ random, 2·10⁵ vertex, 10⁵ edge and 10⁵ axis rays in closed spheres. Ids and distances equal
+//! `brute`'s bit for bit, ties included.
+//!
+//! Measured on 295 692 triangles (160 spheres in a room), 2¹⁸ rays a set, our triangle test in all but Embree,
+//! one thread of a 2-core cloud machine (AVX-512, otherwise nearly idle), best of 5, Mrays/s. The crate's walk of its
+//! CWBVH was taken for its speed only: it starts at an absolute 10⁻⁴ and reported 3 hits fewer on bounce 2.
+//!
+//! | | camera | bounce 1 | bounce 2 | shadow |
+//! | --- | --- | --- | --- | --- |
+//! | crate's BVH2 | 2.9 | 2.4 | 2.0 | 2.8 |
+//! | crate's CWBVH | 5.5 | 3.5 | 3.3 | 4.9 |
+//! | this | 5.2 | 4.2 | 3.7 | 5.1 |
+//! | Embree 3.13.5, ROBUST, single | 5.9 | 4.0 | 3.8 | 5.7 |
+//!
+//! On 1.03 M triangles the rate was 0.5–1.2 of Embree's single rate (first run: 0.94, 0.74, 0.65, 0.55), on a machine too
+//! busy to say more. Limit: one mesh is built by one thread (0.26 s for the mesh above); meshes are built side by side.
 
 mod mesh;
 mod tree;
@@ -208,5 +226,28 @@ fn compiled_isa() -> &'static str {
         "sse2"
     } else {
         std::env::consts::ARCH
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Oracle: Cargo.lock. The version that reports print is the one that was linked.
+    #[test]
+    fn version_is_the_locked_one() {
+        let lock = include_str!("../../../Cargo.lock");
+        let locked = lock.split("[[package]]").find(|p| p.contains("name = \"obvhs\"\n")).expect("obvhs is locked");
+        assert!(locked.contains(&format!("version = \"{CRATE_VERSION}\"\n")), "{locked}");
+    }
+
+    /// Oracle: the contract of `BackendInfo`: what runs is said, not what was asked for.
+    #[test]
+    fn every_mode_is_single() {
+        for mode in QueryMode::ALL {
+            let backend = Obvhs::build(&Geometry::default(), &BackendOptions::with_mode(mode)).unwrap();
+            let info = backend.info();
+            assert_eq!([info.rays_incoherent, info.rays_coherent, info.rays_shadow], ["single"; 3]);
+        }
     }
 }

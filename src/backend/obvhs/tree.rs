@@ -266,6 +266,8 @@ mod tests {
             // Twins beside ordinary boxes.
             check(&boxes(n, |i| unit(Vec3::X * (i % 2.0) * i, 0.5)));
         }
+        // At full size a chain would take minutes and 10⁵ levels.
+        assert!(check(&boxes(100_000, |_| unit(Vec3::ONE, 0.5))) <= 17);
         // Nested boxes that share a corner: the chain that equal centres do not catch.
         check(&boxes(2000, |i| Bounds { lo: Vec3::ZERO, hi: Vec3::splat(1.0 + i) }));
     }
