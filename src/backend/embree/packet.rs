@@ -22,7 +22,7 @@ pub(super) fn closest16(world: &World, blocks: &mut [RayHitBlock], len: usize, q
     let mut invalid = 0;
     for (index, block) in blocks.iter_mut().enumerate() {
         let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&block.ray, lanes);
+        let valid = world.valid_lanes(&mut block.ray, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
         block.clear_hits();
         closest_block(world, block, valid, query);
@@ -65,7 +65,7 @@ pub(super) fn closest_narrow<const N: usize>(
     let mut invalid = 0;
     for (index, block) in blocks.iter_mut().enumerate() {
         let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&block.ray, lanes);
+        let valid = world.valid_lanes(&mut block.ray, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
         block.clear_hits();
         for first in (0..LANES).step_by(N) {
@@ -115,7 +115,7 @@ pub(super) fn closest1(world: &World, blocks: &mut [RayHitBlock], len: usize, qu
     let mut invalid = 0;
     for (index, block) in blocks.iter_mut().enumerate() {
         let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&block.ray, lanes);
+        let valid = world.valid_lanes(&mut block.ray, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
         block.clear_hits();
         for lane in active(valid) {

@@ -16,6 +16,9 @@ use crate::Result;
 use crate::backend::batch::{INVALID_ID, LANES, MAX_COORDINATE, RayBlock, RayHitBlock, valid_lanes};
 use crate::scene::geometry::{Geometry, Placement, TriangleMesh};
 
+/// Smallest magnitude of a direction component that Embree tells from zero (it clamps reciprocals there).
+const MIN_DIRECTION: f32 = 1.0e-18;
+
 /// Geometry id of instance 0 in the top scene; 0 is the world mesh.
 const FIRST_INSTANCE: u32 = 1;
 
@@ -84,9 +87,16 @@ impl World {
         self.top.raw
     }
 
-    /// The lanes among the first `lanes` whose ray Embree can take, in the world and inside every instance.
+    /// The lanes among the first `lanes` whose ray Embree can take, in the world and inside every instance. Direction
+    /// components that Embree clamps anyway become zeros first: coherent packets of 3.13.5 lost 827 of 2000 rays with
+    /// denormal components, and found other hits by the sign of a zero.
     #[inline(always)]
-    pub(super) fn valid_lanes(&self, ray: &RayBlock, lanes: usize) -> u16 {
+    pub(super) fn valid_lanes(&self, ray: &mut RayBlock, lanes: usize) -> u16 {
+        for column in [&mut ray.dir_x, &mut ray.dir_y, &mut ray.dir_z] {
+            for d in column {
+                *d = if d.abs() < MIN_DIRECTION { 0.0 } else { *d };
+            }
+        }
         let valid = valid_lanes(ray, lanes);
         if self.max_coordinate < MAX_COORDINATE { valid & self.within_reach(ray) } else { valid }
     }

@@ -25,7 +25,7 @@ pub(super) fn closest(world: &World, blocks: &mut [RayHitBlock], len: usize, que
     let (mut invalid, mut run) = (0, 0);
     for index in 0..blocks.len() {
         let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&blocks[index].ray, lanes);
+        let valid = world.valid_lanes(&mut blocks[index].ray, lanes);
         invalid += lanes as u64 - u64::from(valid.count_ones());
         blocks[index].clear_hits();
         if valid != u16::MAX {
@@ -56,7 +56,7 @@ pub(super) fn any(world: &World, blocks: &mut [RayBlock], len: usize, query: &mu
     let mut rays = [sys::RTCRay::default(); CHUNK * LANES];
     for (chunk, blocks) in blocks.chunks_mut(CHUNK).enumerate() {
         let (mut valid, mut count) = ([0u16; CHUNK], 0);
-        for (index, block) in blocks.iter().enumerate() {
+        for (index, block) in blocks.iter_mut().enumerate() {
             let lanes = lanes_of(chunk * CHUNK + index, len);
             valid[index] = world.valid_lanes(block, lanes);
             invalid += lanes as u64 - u64::from(valid[index].count_ones());
