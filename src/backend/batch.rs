@@ -153,14 +153,20 @@ impl RayHitBlock {
     /// The hit of one lane, if there is one.
     #[inline(always)]
     pub fn hit(&self, lane: usize) -> Option<Hit> {
-        (self.hit.geom[lane] != INVALID_ID).then(|| Hit {
+        (self.hit.geom[lane] != INVALID_ID).then(|| self.hit_unchecked(lane))
+    }
+
+    /// The hit columns of one lane that is known to have hit.
+    #[inline(always)]
+    pub fn hit_unchecked(&self, lane: usize) -> Hit {
+        Hit {
             t: self.ray.tfar[lane],
             u: self.hit.u[lane],
             v: self.hit.v[lane],
             prim: self.hit.prim[lane],
             geom: self.hit.geom[lane],
             inst: self.hit.inst[lane],
-        })
+        }
     }
 }
 

@@ -102,13 +102,20 @@ pub struct Segment {
 /// origin and target coincide or are not finite.
 #[inline(always)]
 pub fn shadow_segment(origin: Vec3, target_position: Vec3, target_normal: Vec3, target_error: f32) -> Option<Segment> {
+    let segment = segment_to(origin, target_position, target_normal, target_error);
+    (segment.tfar > 0.0 && segment.tfar < f32::INFINITY).then_some(segment)
+}
+
+/// [`shadow_segment`] without its judgement, for loops over lanes: the caller refuses a `tfar` that is not above 0 and
+/// finite.
+#[inline(always)]
+pub fn segment_to(origin: Vec3, target_position: Vec3, target_normal: Vec3, target_error: f32) -> Segment {
     let to_target = target_position - origin;
     let shift = target_error + SEGMENT_ROUNDING * to_target.length();
     let target = target_position - target_normal * shift.copysign(target_normal.dot(to_target));
     let to_target = target - origin;
     let tfar = to_target.length();
-    let dir = to_target / tfar;
-    (tfar > 0.0 && tfar < f32::INFINITY).then_some(Segment { dir, tfar })
+    Segment { dir: to_target / tfar, tfar }
 }
 
 /// Normal of a triangle with its length apart: squares of lengths are formed, fourth powers never, so that sizes from

@@ -7,6 +7,7 @@
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3, Vec4};
 
 use super::{Instance, Material, Mesh, Scene};
+use crate::math::float;
 
 /// A repeated mesh is baked as long as all baked copies together stay below this many triangles (64 B of record, about
 /// 100 B of hierarchy each: 330 MB at the limit). Measured reason: a ray through an instance costs a transform and a
@@ -33,10 +34,25 @@ pub struct Triangle {
     /// Index of this triangle's corners in [`Geometry::normals`] (and in `uvs`, `tangents` where below their length), or
     /// [`NO_ATTRIBUTES`].
     pub attributes: u32,
-    /// Area in m² (of the mesh's space).
-    pub area: f32,
+    /// Bound of the distance along `n_g` between any reported hit on this triangle and the true one, metres (world
+    /// triangles; instanced ones need their transform): the largest of `math::float::hit_error` at the corners, where that
+    /// convex function of the point is largest.
+    pub error: f32,
     /// Index of the light this triangle is, or `u32::MAX`. Valid in the world mesh only: emissive meshes are always baked.
     pub light: u32,
+}
+
+impl Triangle {
+    /// Area in m² of the mesh's space.
+    pub fn area(&self) -> f32 {
+        let (e1, e2) = (Vec3::from(self.e1).as_dvec3(), Vec3::from(self.e2).as_dvec3());
+        (0.5 * e1.cross(e2).length()) as f32
+    }
+}
+
+/// The largest hit error over the corners.
+fn hit_error(v0: Vec3, e1: Vec3, e2: Vec3, corners: [Vec3; 3]) -> f32 {
+    corners.into_iter().map(|p| float::hit_error(v0, e1, e2, p)).fold(0.0, f32::max)
 }
 
 /// Triangles of one mesh as a backend sees them.
@@ -207,7 +223,7 @@ impl Geometry {
                 n_g: n_g.into(),
                 material: mesh.material.0,
                 attributes,
-                area: (0.5 * twice_area) as f32,
+                error: hit_error(v0, v1 - v0, v2 - v0, [v0, v1, v2]),
                 light: u32::MAX,
             });
         }

@@ -24,8 +24,6 @@ pub struct Interaction {
     pub material: u32,
     /// Light that the triangle is, or `u32::MAX`.
     pub light: u32,
-    /// Area of the triangle, m² (world triangles).
-    pub area: f32,
     /// Corner attributes of the triangle, or [`NO_ATTRIBUTES`].
     attributes: u32,
     /// Instance, for tangents.
@@ -49,7 +47,7 @@ impl Interaction {
         let mut p = float::hit_point(v0, e1, e2, hit.u, hit.v);
         let error;
         if hit.inst == INVALID_ID {
-            error = float::hit_error(v0, e1, e2, p);
+            error = triangle.error;
             n_s = unit_or(n_s, n_g);
         } else {
             let placement = &geometry.instances[hit.inst as usize];
@@ -66,7 +64,6 @@ impl Interaction {
             n_s,
             material: triangle.material,
             light: triangle.light,
-            area: triangle.area,
             attributes: triangle.attributes,
             inst: hit.inst,
             barycentric: [hit.u, hit.v],

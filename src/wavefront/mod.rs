@@ -7,6 +7,7 @@
 pub mod accumulate;
 pub mod classify;
 pub mod estimator;
+pub mod lambert;
 pub mod queue;
 pub mod raygen;
 pub mod shade;
@@ -134,9 +135,14 @@ pub fn run<S: Scheme>(
         wave.next.len = 0;
         wave.shadows.len = 0;
         for kind in 0..KINDS {
-            if !wave.queues[kind].is_empty() {
-                counters.capped_paths += shade::run::<S>(context, wave, kind, edge);
+            let queue = std::mem::take(&mut wave.queues[kind]);
+            if !queue.is_empty() {
+                counters.capped_paths += match Kind::ALL[kind] {
+                    Kind::Lambert => lambert::run::<S>(context, wave, &queue, edge),
+                    Kind::General => shade::run::<S>(context, wave, &queue, edge),
+                };
             }
+            wave.queues[kind] = queue;
         }
 
         if wave.shadows.len > 0 {

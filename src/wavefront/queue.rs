@@ -16,11 +16,17 @@ pub enum Kind {
     General = 1,
 }
 
+impl Kind {
+    /// Every kind, in the order of the queues.
+    pub const ALL: [Kind; KINDS] = [Kind::Lambert, Kind::General];
+}
+
 /// Kind of a material, resolved once per render.
 pub fn kind_of(material: &Material) -> Kind {
     let lambert = material.metallic == 0.0
         && material.specular == 0.0
         && material.transmission == 0.0
+        && !material.unlit
         && !material.reads_textures();
     if lambert { Kind::Lambert } else { Kind::General }
 }

@@ -1,11 +1,11 @@
-//! Shading of one queue: emission, roulette, a light sample, a BSDF sample. Gathers a lane, calls pure functions of
-//! numbers, scatters survivors to the next edge and shadow rays to their batch.
+//! The general kernel: any material, one lane at a time. Emission, roulette, a light sample, a BSDF sample: gathers a
+//! lane, calls pure functions of numbers, scatters survivors to the next edge and shadow rays to their batch.
 
 use glam::Vec3;
 
 use super::state::{NO_MEDIUM, PathLane, Wave};
 use super::{Context, estimator};
-use crate::backend::batch::{Hit, LANES};
+use crate::backend::batch::LANES;
 use crate::math::float;
 use crate::math::frame::Frame;
 use crate::plan::options::Roulette;
@@ -30,29 +30,20 @@ struct Vertex {
     front: bool,
 }
 
-/// Shades every lane of queue `kind`. Returns how many paths the depth limit ended.
-pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, kind: usize, edge: u32) -> u64 {
-    let queue = std::mem::take(&mut wave.queues[kind]);
+/// Shades every lane of `queue`. Returns how many paths the depth limit ended.
+pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u32) -> u64 {
     let mut capped = 0;
-    for &lane in &queue {
+    for &lane in queue {
         let (block, i) = (lane as usize / LANES, lane as usize % LANES);
         let rays = &wave.current.rays[block];
         let path = wave.current.paths[block].get(i);
-        let hit = Hit {
-            t: rays.ray.tfar[i],
-            u: rays.hit.u[i],
-            v: rays.hit.v[i],
-            prim: rays.hit.prim[i],
-            geom: rays.hit.geom[i],
-            inst: rays.hit.inst[i],
-        };
+        let hit = rays.hit_unchecked(i);
         let (org, dir) = (rays.ray.org(i), rays.ray.dir(i));
         let at = Interaction::at(context.geometry, &hit, context.plan.features.smooth_normals);
         let front = at.n_g.dot(dir) < 0.0;
         let vertex = Vertex { at, wo: -dir, t: hit.t, front };
         capped += shade_lane::<S>(context, wave, path, org, &vertex, edge) as u64;
     }
-    wave.queues[kind] = queue;
     capped
 }
 
@@ -79,7 +70,8 @@ fn shade_lane<S: Scheme>(
         return false;
     }
     if material.is_emissive() && vertex.front {
-        let weight = emission_weight(context, &path, org, vertex);
+        let cos = vertex.at.n_g.dot(vertex.wo);
+        let weight = emission_weight(context, &path, org, &vertex.at, vertex.t, cos);
         if weight > 0.0 {
             let radiance = textured(context, &vertex.at, material.emissive, material.emissive_texture);
             wave.add(path.slot, edge, path.beta * radiance * weight);
@@ -94,7 +86,7 @@ fn shade_lane<S: Scheme>(
     let survival = match plan.roulette {
         Roulette::Off => 1.0,
         Roulette::On => roulette::survival(path.beta, path.eta_scale, edge),
-        Roulette::Constant(q) => q,
+        Roulette::Constant(q) => roulette::on_lattice(q),
     };
     if survival < 1.0 {
         if u_light[3] >= survival {
@@ -131,18 +123,21 @@ fn shade_lane<S: Scheme>(
     false
 }
 
-/// Weight of the emission of an emissive triangle met by the path's last BSDF sample.
+/// Weight of the emission of an emissive triangle met by the path's last BSDF sample from `org`, at distance `t` under
+/// the cosine `cos_light`.
 #[inline(always)]
-fn emission_weight(context: &Context, path: &PathLane, org: Vec3, vertex: &Vertex) -> f32 {
-    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() || vertex.at.light == u32::MAX {
+pub(super) fn emission_weight(
+    context: &Context,
+    path: &PathLane,
+    org: Vec3,
+    at: &Interaction,
+    t: f32,
+    cos_light: f32,
+) -> f32 {
+    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() || at.light == u32::MAX {
         return 1.0;
     }
-    let hit = EmitterHit {
-        light: vertex.at.light,
-        distance_m: vertex.t,
-        cos_light: vertex.at.n_g.dot(vertex.wo),
-        area_m2: vertex.at.area,
-    };
+    let hit = EmitterHit { light: at.light, distance_m: t, cos_light, area_m2: context.lights.area_m2(at.light) };
     let light_pdf = context.lights.pdf_triangle(org, Vec3::ZERO, &hit);
     estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
 }
@@ -263,7 +258,7 @@ fn sample_light(
 
 /// Value of the emission texture at a sampled light point.
 #[inline(always)]
-fn emission_texel(context: &Context, point: &TexturePoint) -> Vec3 {
+pub(super) fn emission_texel(context: &Context, point: &TexturePoint) -> Vec3 {
     let triangle = &context.geometry.triangles[point.triangle as usize];
     let slot = context.scene.materials[triangle.material as usize].emissive_texture;
     let uvs = context.geometry.uvs.get(triangle.attributes as usize);

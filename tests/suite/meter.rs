@@ -89,7 +89,7 @@ pub fn geometry(triangles: &[([Vec3; 3], u32)]) -> Geometry {
             n_g: normal.normalize_or_zero().as_vec3().into(),
             material,
             attributes: NO_ATTRIBUTES,
-            area: (0.5 * normal.length()) as f32,
+            error: 0.0,
             light: u32::MAX,
         });
     }

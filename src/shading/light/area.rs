@@ -14,9 +14,6 @@ use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::material::Material;
 use crate::scene::{ColorSpace, Texture};
 
-/// Unit roundoff of f32.
-const ROUNDOFF: f32 = 1.0 / 16_777_216.0;
-
 /// What a material emits.
 #[derive(Clone, Copy, Debug)]
 pub struct Emission {
@@ -80,7 +77,9 @@ pub struct TriangleLight {
     e1: [f32; 3],
     e2: [f32; 3],
     n_g: [f32; 3],
-    area_m2: f32,
+    pub(super) area_m2: f32,
+    /// `Triangle::error`.
+    error: f32,
     /// Index into [`Geometry::triangles`].
     pub(super) triangle: u32,
     /// Index into the materials, and into the emissions.
@@ -99,8 +98,8 @@ pub fn find(geometry: &Geometry, emissions: &[Emission]) -> Vec<TriangleLight> {
 
 impl TriangleLight {
     fn new(index: u32, triangle: &Triangle) -> Self {
-        let &Triangle { v0, e1, e2, n_g, area, material, .. } = triangle;
-        TriangleLight { v0, e1, e2, n_g, area_m2: area, triangle: index, material }
+        let &Triangle { v0, e1, e2, n_g, material, .. } = triangle;
+        TriangleLight { v0, e1, e2, n_g, area_m2: triangle.area(), error: triangle.error, triangle: index, material }
     }
 
     /// Power of the front side, W. 0 for a triangle without area.
@@ -124,7 +123,7 @@ impl TriangleLight {
         let in_front = cos_light > 0.0;
         in_front.then(|| LightSample {
             wi,
-            target: Some(LightPoint { position, normal: n_g, error: point_error(position, v0, e1, e2) }),
+            target: Some(LightPoint { position, normal: n_g, error: self.error }),
             radiance: emission.radiance,
             texture_point: emission.textured.then_some(TexturePoint { triangle: self.triangle, barycentric }),
             pdf_sa: pdf_sa(distance2, cos_light, self.area_m2),
@@ -157,12 +156,4 @@ pub fn square_to_triangle([u, v]: [f32; 2]) -> [f32; 2] {
         let half = 0.5 * v;
         [u - half, half]
     }
-}
-
-/// Bound of the distance between the computed point and the exact one on the exact triangle: the edges are rounded once,
-/// each product and their sum once (three roundoffs of the edge terms), the sum with v0 once; and one roundoff of the
-/// coordinates for the traversal's own transform of the corners. First order terms; doubling covers the others.
-#[inline(always)]
-fn point_error(position: Vec3, v0: Vec3, e1: Vec3, e2: Vec3) -> f32 {
-    2.0 * ROUNDOFF * (position.length() + v0.length() + 3.0 * (e1.abs() + e2.abs()).length())
 }

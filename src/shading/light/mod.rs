@@ -67,7 +67,7 @@ pub struct EmitterHit {
     pub distance_m: f32,
     /// Cosine between `n_g` and the way back along the ray; not above 0 behind the emitter.
     pub cos_light: f32,
-    /// `Triangle::area`.
+    /// Area of the triangle, m².
     pub area_m2: f32,
 }
 
@@ -193,6 +193,12 @@ impl Lights {
         } else {
             0.0
         }
+    }
+
+    /// Area of an emissive triangle, m²; what [`EmitterHit`] wants.
+    #[inline(always)]
+    pub fn area_m2(&self, light: u32) -> f32 {
+        self.triangles[light as usize].area_m2
     }
 
     /// Radiance of the environment from the unit direction `dir`; 0 without one.
