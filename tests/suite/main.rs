@@ -1,1 +1,6 @@
-fn main() {}
+//! The suite: one module per theme.
+
+mod camera;
+mod layers;
+mod sampling;
+mod spawn;
