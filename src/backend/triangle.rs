@@ -10,7 +10,7 @@
 //! differences: 10¹⁸ m coordinates do not overflow, and a plane across the ray is hit at its exact distance.
 //! Limit: a triangle seen exactly edge-on is not hit (its neighbours are).
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::batch::{RayBlock, RayHitBlock};
 use crate::scene::geometry::Placement;
@@ -18,10 +18,6 @@ use crate::scene::geometry::Placement;
 /// A ray thinner than an f32 direction can express cannot tell a triangle from a line once its height is below 2⁻⁴⁰ of
 /// its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the edge's length.
 const LINE_HEIGHT: f64 = 1.0 / (1u64 << 40) as f64;
-
-/// A ray that starts closer to a triangle's plane than this fraction of the triangle's reach was spawned on it or on a
-/// neighbour in its plane: sixteen times the bound of `math::float::hit_error`.
-const AT_PLANE: f64 = 1.0 / (1u64 << 17) as f64;
 
 /// A ray as the backends that are written in Rust trace it. `dir` needs no unit length.
 #[derive(Clone, Copy, Debug)]
@@ -199,45 +195,36 @@ impl RayShear {
             return hits;
         }
 
-        // Equal signs: the sum does not cancel. It is zero only for a triangle seen edge-on; 0/0 then fails below.
-        for i in 0..N {
-            let det = ea[i] + eb[i] + ec[i];
-            let (u, v) = (eb[i] / det, ec[i] / det);
-            // Depth from differences: weights that do not quite add up to one cannot move the hit along the ray.
-            let depth = a[2][i] + (u * (b[2][i] - a[2][i]) + v * (c[2][i] - a[2][i]));
-            hits.t[i] = depth / self.dz + 0.0;
-            hits.u[i] = u + 0.0;
-            hits.v[i] = v + 0.0;
-        }
-        mask &= lane_mask::<N>(|i| (hits.t[i] >= tnear) & (hits.t[i] <= tfar));
+        // Few get here: the numbers of a hit are worth f64.
         let mut candidates = mask;
         while candidates != 0 {
             let i = candidates.trailing_zeros() as usize;
             candidates &= candidates - 1;
-            if self.leaves(&std::array::from_fn(|k| Vec3::new(tri[k][0][i], tri[k][1][i], tri[k][2][i]))) {
-                mask &= !(1 << i);
-            }
+            let at = |v: &[[f32; N]; 3]| DVec3::new(f64::from(v[0][i]), f64::from(v[1][i]), f64::from(v[2][i]));
+            let hit = self.hit_of(at(&a), at(&b), at(&c));
+            (hits.t[i], hits.u[i], hits.v[i]) = (hit.t, hit.u, hit.v);
+            mask &= !(u32::from(!(hit.t >= tnear && hit.t <= tfar)) << i);
         }
         hits.mask = mask;
         hits
     }
 
-    /// Whether the ray starts within rounding of the triangle's plane and runs away from it. Seen nearly edge-on, the
-    /// sheared triangle is all rounding and could be "hit" by a ray that was spawned on it; the signs here are those of
-    /// f64 on the f32 inputs. Only rays that start at the plane are judged, so no mesh opens at a silhouette.
+    /// Weights and depth of a hit from sheared vertices, in f64: products of f32 are exact there. In f32 the rounding of the
+    /// weights would be amplified by the triangle's aspect ratio and by 1/cos where it is grazed, and a ray could meet the
+    /// triangle it was spawned on; so only the rounding of the vertices is left (table of `math::float`). Exactly edge-on,
+    /// t is NaN, which no range accepts.
     #[inline(always)]
-    fn leaves(&self, triangle: &[Vec3; 3]) -> bool {
-        let org = Vec3::from(self.org).as_dvec3();
-        let [a, b, c] = triangle.map(|v| v.as_dvec3() - org);
-        let n = (b - a).cross(c - a);
-        let extent = a.abs().max(b.abs()).max(c.abs()).max_element();
-        let height = a.dot(n);
-        let mut dir = glam::DVec3::ZERO;
-        dir[self.kx] = f64::from(self.sx);
-        dir[self.ky] = f64::from(self.sy);
-        dir[self.kz] = 1.0;
-        let towards = dir.dot(n) * f64::from(self.dz);
-        height * towards < 0.0 && height.abs() <= AT_PLANE * extent * n.length()
+    fn hit_of(&self, a: DVec3, b: DVec3, c: DVec3) -> TriangleHit {
+        let edge = |p: DVec3, q: DVec3| p.x * q.y - p.y * q.x;
+        let (wa, wb, wc) = (edge(c, b), edge(a, c), edge(b, a));
+        let area = wa + wb + wc;
+        // f32 accepted the edges; where f64 disagrees by a rounding the hit stays on the rim.
+        let u = (wb / area).clamp(0.0, 1.0);
+        let v = (wc / area).max(0.0).min(1.0 - u);
+        // Depth from differences: weights that do not quite add up to one cannot move the hit along the ray.
+        let depth = a.z + (u * (b.z - a.z) + v * (c.z - a.z));
+        let t = if area != 0.0 { depth / f64::from(self.dz) } else { f64::NAN };
+        TriangleHit { t: t as f32 + 0.0, u: u as f32 + 0.0, v: v as f32 + 0.0 }
     }
 
     /// Vertices relative to the origin, sheared so that the ray runs along the third axis.

@@ -2,14 +2,18 @@
 
 mod agreement;
 mod bsdf;
+mod camera;
 mod cli;
 mod common;
 mod conformance;
 mod determinism;
 mod environments;
 mod film;
+mod layers;
 mod lights;
 mod loading;
 mod meter;
+mod sampling;
+mod spawn;
 mod textures;
 mod transport;
