@@ -8,7 +8,7 @@
 //!
 //! Pixels that are not finite in either image are left out of every metric and counted.
 
-use crate::film::RELMSE_EPSILON;
+use crate::film::estimate::RELMSE_EPSILON;
 
 /// Fraction of pixels that trimmed relMSE drops.
 pub const TRIM: f64 = 1e-3;

@@ -1,4 +1,4 @@
-//! Accuracy: metrics of an image against a reference. The film's estimate of its own error is in `film`.
+//! Accuracy: metrics of an image against a reference. A film's estimate of its own error is `film::estimate`.
 
 pub mod flip;
 pub mod metrics;

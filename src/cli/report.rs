@@ -74,9 +74,6 @@ impl Verbosity {
                 error.relmse
             ));
         }
-        for bias in &stats.bias {
-            self.detail(format_args!("bias: {}", bias.what));
-        }
         let b = &stats.backend;
         self.detail(format_args!(
             "backend {} {} ({}), rays {}, hierarchy {}B; {} camera, {} bounce, {} shadow rays",

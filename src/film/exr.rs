@@ -124,7 +124,8 @@ impl Film {
     }
 
     fn layer_attributes(&self, options: &ExrOptions) -> LayerAttributes {
-        let text = |value: &str| AttributeValue::Text(Text::new_or_none(value).unwrap_or_else(|| Text::from("?")));
+        // Strings in OpenEXR files are UTF-8; `Text` from a `str` would make them Latin-1.
+        let text = |value: &str| AttributeValue::Text(Text::from_slice_unchecked(value.as_bytes()));
         let mut attributes = LayerAttributes {
             layer_position: Vec2(self.window.x as i32, self.window.y as i32),
             software_name: Text::new_or_none(SOFTWARE),

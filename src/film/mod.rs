@@ -2,11 +2,10 @@
 //!
 //! Means are exact to the last bits of f64 for any number of samples (HARDCASES M08); negative values, which filters
 //! with negative lobes make at edges, are kept. Values that are not finite never enter: the caller counts them and adds
-//! zero instead. The error estimate is computed here because it needs nothing but the film; metrics against a
-//! reference are in `accuracy`.
-//! Limit: the estimate is made of the image itself. Light that no sample has found yet is missing from both.
+//! zero instead.
 
 pub mod atomic;
+pub mod estimate;
 pub mod exr;
 pub mod filter;
 pub mod lengths;
@@ -46,27 +45,6 @@ pub struct SppRange {
     /// Of the pixel with the most.
     pub max: u64,
 }
-
-/// What a film says of its own error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ErrorEstimate {
-    /// Mean over pixels and channels of v/(I² + ε): v the estimated variance of the pixel's mean, I that mean.
-    pub relmse: f64,
-    /// Standard error of `relmse`, from its spread over the pixels, which are independent.
-    pub relmse_stderr: f64,
-    /// Interval that covers `relmse` with 95 %: normal in its logarithm, so that it stays positive.
-    pub interval: [f64; 2],
-    /// ε = 0.01·mean(I)², the mean over pixels and channels.
-    pub epsilon: f64,
-    /// Mean over pixels and channels of the standard error of the pixel, in units of radiance.
-    pub stderr_mean: f64,
-}
-
-/// Two-sided 95 % point of the normal distribution.
-const NORMAL_95: f64 = 1.959964;
-
-/// ε of relMSE as a fraction of the squared mean of the reference (DESIGN §9).
-pub const RELMSE_EPSILON: f64 = 0.01;
 
 impl Pixel {
     /// Adds one sample to half `half` (0 or 1): radiance and coverage, both weighted by the filter.
@@ -187,39 +165,6 @@ impl Film {
         }
         hash
     }
-
-    /// Estimates the film's relMSE against the converged image. `None` until both halves of a pixel have samples.
-    pub fn error_estimate(&self) -> Option<ErrorEstimate> {
-        let mean = self.mean();
-        let epsilon = RELMSE_EPSILON * ((mean[0] + mean[1] + mean[2]) / 3.0).powi(2);
-        let (mut count, mut sum, mut square, mut stderr) = (0u64, 0.0, 0.0, 0.0);
-        for pixel in &self.pixels {
-            let Some(variance) = pixel.variance() else { continue };
-            let mean = pixel.mean();
-            let mut relative = 0.0;
-            for c in 0..3 {
-                // A black pixel of a black image has no error: 0/0 is 0 here.
-                let scale = mean[c] * mean[c] + epsilon;
-                if variance[c] > 0.0 && scale > 0.0 {
-                    relative += variance[c] / scale / 3.0;
-                }
-                stderr += variance[c].sqrt() / 3.0;
-            }
-            count += 1;
-            sum += relative;
-            square += relative * relative;
-        }
-        if count == 0 {
-            return None;
-        }
-        let n = count as f64;
-        let relmse = sum / n;
-        let spread = if count > 1 { ((square - sum * relmse) / (n - 1.0)).max(0.0) } else { 0.0 };
-        let relmse_stderr = (spread / n).sqrt();
-        let factor = if relmse > 0.0 { (NORMAL_95 * relmse_stderr / relmse).exp() } else { 1.0 };
-        let interval = [relmse / factor, relmse * factor];
-        Some(ErrorEstimate { relmse, relmse_stderr, interval, epsilon, stderr_mean: stderr / n })
-    }
 }
 
 /// One step of the film's hash: a bijection of `value` for each state (Stafford's variant 13 of the SplitMix finaliser).
@@ -233,22 +178,7 @@ fn mix(state: u64, value: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn full(width: u32, height: u32) -> Film {
-        Film::new((width, height), Crop { x: 0, y: 0, width, height })
-    }
-
-    /// PCG-XSH-RR 64/32 with the increment of the reference's default stream; test noise only.
-    struct Pcg(u64);
-
-    impl Pcg {
-        fn next(&mut self) -> f32 {
-            let old = self.0;
-            self.0 = old.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            let bits = (((old >> 18) ^ old) >> 27) as u32;
-            (bits.rotate_right((old >> 59) as u32) >> 8) as f32 / (1 << 24) as f32
-        }
-    }
+    use crate::film::estimate::tests::Pcg;
 
     #[test]
     fn sums_stay_exact_over_millions_of_samples() {
@@ -289,47 +219,6 @@ mod tests {
             assert!((sum / f64::from(trials) / expected - 1.0).abs() < 0.05, "{n0} {n1}: {sum}");
         }
         assert_eq!(Pixel { n: [3, 0], ..Default::default() }.variance(), None);
-    }
-
-    #[test]
-    fn error_estimate_covers_the_true_error() {
-        // Pixels of means 1 to 3 with uniform noise of relative width 0.4 over 16 samples; oracle: the definition of
-        // relMSE with the known means, whose expectation is v/(R² + ε) averaged. 4096 pixels, 3 equal channels: s.e.
-        // of the estimate is √(2/4096) = 2.2 % (the known ratio); limit 5 s.e., false alarms 6·10⁻⁷.
-        let mut random = Pcg(7);
-        let mut film = full(64, 64);
-        let mut expected = 0.0;
-        let epsilon = 0.01 * 4.0;
-        for (i, pixel) in film.pixels.iter_mut().enumerate() {
-            let mean = 1.0 + 2.0 * i as f32 / 4095.0;
-            for s in 0..16 {
-                pixel.add(s & 1, [mean * (1.0 + 0.4 * (random.next() - 0.5)); 3], 1.0, 1.0);
-            }
-            let r2 = f64::from(mean).powi(2);
-            expected += r2 * 0.16 / 12.0 / 16.0 / (r2 + epsilon) / 4096.0;
-        }
-        let estimate = film.error_estimate().expect("both halves have samples");
-        assert!((estimate.relmse / expected - 1.0).abs() < 5.0 * 0.0221, "{estimate:?} for {expected}");
-        assert!((estimate.relmse_stderr / expected - 0.0221).abs() < 0.003, "{estimate:?}");
-        assert!(estimate.interval[0] < estimate.relmse && estimate.relmse < estimate.interval[1]);
-        assert!((estimate.epsilon / epsilon - 1.0).abs() < 0.01);
-    }
-
-    #[test]
-    fn constant_and_black_films_have_no_error() {
-        let mut film = full(3, 2);
-        assert_eq!(film.error_estimate(), None);
-        for (i, pixel) in film.pixels.iter_mut().enumerate() {
-            for s in 0..4 {
-                pixel.add(s & 1, [if i < 3 { 2.0 } else { 0.0 }; 3], 1.0, 1.0);
-            }
-        }
-        let estimate = film.error_estimate().expect("both halves have samples");
-        assert_eq!((estimate.relmse, estimate.interval), (0.0, [0.0, 0.0]));
-        for pixel in &mut film.pixels {
-            pixel.sum = Default::default();
-        }
-        assert_eq!(film.error_estimate().map(|e| e.relmse), Some(0.0));
     }
 
     #[test]

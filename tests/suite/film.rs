@@ -53,7 +53,7 @@ fn attributes_and_channels_are_those_of_the_contract() {
         sample_range: Some((0, 2)),
         backend: Some("brute 0.1.0".into()),
         isa: Some("scalar".into()),
-        plan: Some("{}".into()),
+        plan: Some("camera 日, 3 × é".into()),
     };
     film.write_exr(&path, &options).expect("a writable folder");
     let image = read_first_flat_layer_from_file(&path).expect("just written");
@@ -88,7 +88,9 @@ fn attributes_and_channels_are_those_of_the_contract() {
     assert_eq!(other("pathspace/sampleRange"), text("0..2"));
     assert_eq!(other("pathspace/backend"), text("brute 0.1.0"));
     assert_eq!(other("pathspace/isa"), text("scalar"));
-    assert_eq!(other("pathspace/plan"), text("{}"));
+    let plan = other("pathspace/plan").expect("written");
+    let AttributeValue::Text(plan) = plan else { panic!("{plan:?} is not a string") };
+    assert_eq!(std::str::from_utf8(plan.as_slice()), Ok("camera 日, 3 × é"));
 }
 
 #[test]
