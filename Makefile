@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render test test-nolib lint setup setup-nolib
+.PHONY: help render test test-nolib lint setup setup-nolib setup-lint
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -13,13 +13,17 @@ help:
 	@echo 'make test         set up, build, run the whole test suite'
 	@echo 'make test-nolib   the same without any C or C++ library'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
-	@echo 'make setup        install what building needs (Debian 12, 13); setup-nolib: without Embree'
+	@echo 'make setup        install what building needs (Debian 12, 13);'
+	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy as well'
 
 setup:
 	@scripts/setup.sh
 
 setup-nolib:
 	@scripts/setup.sh nolib
+
+setup-lint:
+	@scripts/setup.sh lint
 
 render: setup
 	cargo build --release
@@ -33,7 +37,7 @@ test: setup
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)
 
-lint: setup
+lint: setup-lint
 	cargo fmt --all -- --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	cargo clippy $(NOLIB) --all-targets -- -D warnings

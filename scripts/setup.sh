@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs what building pathspace needs on Debian 12 and 13, through apt-get, and only what is missing.
-# Usage: scripts/setup.sh [nolib]      nolib: without Embree (cargo's --no-default-features)
+# Usage: scripts/setup.sh [nolib | lint]      nolib: without Embree (cargo's --no-default-features)
+#                                             lint: rustfmt and clippy as well, through rustup
 # Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
 
 set -euo pipefail
@@ -16,9 +17,10 @@ installed() { [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = i
 packages=(gcc libc6-dev make)
 case "${1:-}" in
   nolib) ;;
-  '') [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
-      packages+=(libclang-dev) ;;
-  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib]" ;;
+  '' | lint)
+    [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
+    packages+=(libclang-dev) ;;
+  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint]" ;;
 esac
 
 # Rust first: apt-get cannot help with it, Debian's own is too old.
@@ -31,6 +33,12 @@ rust=$(rustc --version | cut -d' ' -f2) || fail "rustc does not run; see its mes
 minor=${rust#*.}; minor=${minor%%.*}
 [ "${rust%%.*}" -gt 1 ] || [ "$minor" -ge "$RUST_MIN_MINOR" ] ||
   fail "Rust 1.$RUST_MIN_MINOR or newer is needed, $rust is installed; run: rustup update"
+
+if [ "${1:-}" = lint ] && ! { cargo fmt --version && cargo clippy --version; } >/dev/null 2>&1; then
+  command -v rustup >/dev/null || fail "rustfmt or clippy is missing, and there is no rustup to add it"
+  say "adding rustfmt and clippy through rustup"
+  rustup component add rustfmt clippy >&2 || fail "rustup component add; see its message above"
+fi
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   fail "no apt-get here. Install a C compiler, libclang and Embree 3.13 or 4.x by your system's means (or set EMBREE_DIR), then: cargo build --release"

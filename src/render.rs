@@ -34,7 +34,7 @@ pub struct Progress {
     pub elapsed: Duration,
     /// Samples every pixel has by now.
     pub spp: u64,
-    /// Fraction of the work done, in [0,1], by whichever limit is nearest.
+    /// Fraction of the work done, in [0, 1], by whichever limit is nearest.
     pub fraction: f64,
     /// Estimated relMSE so far; `None` until both halves have samples.
     pub relmse: Option<f64>,
@@ -214,11 +214,12 @@ impl<'a> Renderer<'a> {
             let elapsed = start.elapsed();
             let estimate = film.lock().expect("no worker panicked").error_estimate();
             relmse = estimate.map(|e| e.relmse);
-            if let (Some(target), Some(r)) = (limits.error, relmse) {
-                if done >= limits.min_spp && r <= target * target {
-                    stop = StopReason::Error;
-                    break;
-                }
+            if let (Some(target), Some(r)) = (limits.error, relmse)
+                && done >= limits.min_spp
+                && r <= target * target
+            {
+                stop = StopReason::Error;
+                break;
             }
             if limits.time.is_some_and(|t| elapsed >= t) {
                 stop = StopReason::Time;

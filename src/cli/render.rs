@@ -104,7 +104,7 @@ fn exr_options(
     ExrOptions {
         aovs: args.aov.clone(),
         render_seconds: Some(render.render_time.as_secs_f64()),
-        view: view_matrices(renderer, scene),
+        view: Some(view_matrices(renderer, scene)),
         seed: Some(args.seed),
         sample_range: Some((0, render.film.spp().max)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
@@ -113,9 +113,12 @@ fn exr_options(
     }
 }
 
-fn view_matrices(_renderer: &Renderer, _scene: &Scene) -> Option<ViewMatrices> {
-    // At the merge, from renderer.camera().world_to_camera(scene.origin) and .world_to_ndc(scene.origin)
-    None
+fn view_matrices(renderer: &Renderer, scene: &Scene) -> ViewMatrices {
+    let camera = renderer.camera();
+    ViewMatrices {
+        world_to_camera: camera.world_to_camera(scene.origin),
+        world_to_ndc: camera.world_to_ndc(scene.origin),
+    }
 }
 
 fn write_pictures(outputs: &Outputs, film: &Film, exr: &ExrOptions, exposure_ev: f32) -> Result<Vec<PathBuf>> {

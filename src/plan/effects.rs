@@ -136,12 +136,12 @@ pub fn find(scene: &Scene, options: &RenderOptions, instanced: bool) -> (Feature
     if options.per_length {
         found.mark(&mut f.per_length, 31, "per-length-images", || "asked for".into());
     }
-    if let Some(Projection::Orthographic { .. }) = scene.cameras.first().map(|c| c.projection) {
-        if f.lens {
-            f.lens = false;
-            found.reasons.remove(&0);
-            push_once(&mut ignored, "lens".into(), "an orthographic camera has no aperture");
-        }
+    if let Some(Projection::Orthographic { .. }) = scene.cameras.first().map(|c| c.projection)
+        && f.lens
+    {
+        f.lens = false;
+        found.reasons.remove(&0);
+        push_once(&mut ignored, "lens".into(), "an orthographic camera has no aperture");
     }
 
     let simulated = found.reasons.values().map(|(name, _)| name.to_string()).collect();

@@ -133,10 +133,10 @@ impl RenderPlan {
                 return refuse("--focus-distance", format!("{} m; a length above 0 is needed", lens.focus_m));
             }
         }
-        if let Roulette::Constant(q) = options.roulette {
-            if !(q > 0.0 && q <= 1.0) {
-                return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
-            }
+        if let Roulette::Constant(q) = options.roulette
+            && !(q > 0.0 && q <= 1.0)
+        {
+            return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
         }
         let camera = resolve_camera(scene, &options.camera)?;
         let backend = options.backend.unwrap_or(BackendKind::available()[0]);

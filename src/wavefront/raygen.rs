@@ -19,7 +19,7 @@ pub struct Chunk<'a> {
 
 impl Chunk<'_> {
     /// Camera samples in all.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.pixels.len() * self.samples
     }
 

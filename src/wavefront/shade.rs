@@ -160,24 +160,25 @@ fn resolve<'c>(
         n_s = at.n_g;
     }
     let mut mapped = false;
-    if features.textures && material.reads_textures() {
-        if let Some(uv) = at.uv(context.geometry) {
-            let fetch = |slot: Option<TextureSlot>| {
-                slot.map(|slot| texture::lookup(&context.scene.textures[slot.texture.index()], uv))
-            };
-            if let Some(texel) = fetch(material.base_color_texture) {
-                base_color *= texel.truncate();
-            }
-            if let Some(texel) = fetch(material.metallic_roughness_texture) {
-                roughness *= texel.y;
-                metallic *= texel.z;
-            }
-            if let (Some(texel), Some(tangent)) = (fetch(material.normal_texture), at.tangent(context.geometry)) {
-                let scale = material.normal_scale;
-                let map = Vec3::new((texel.x * 2.0 - 1.0) * scale, (texel.y * 2.0 - 1.0) * scale, texel.z * 2.0 - 1.0);
-                n_s = interaction::tilt(n_s, tangent, map);
-                mapped = true;
-            }
+    if features.textures
+        && material.reads_textures()
+        && let Some(uv) = at.uv(context.geometry)
+    {
+        let fetch = |slot: Option<TextureSlot>| {
+            slot.map(|slot| texture::lookup(&context.scene.textures[slot.texture.index()], uv))
+        };
+        if let Some(texel) = fetch(material.base_color_texture) {
+            base_color *= texel.truncate();
+        }
+        if let Some(texel) = fetch(material.metallic_roughness_texture) {
+            roughness *= texel.y;
+            metallic *= texel.z;
+        }
+        if let (Some(texel), Some(tangent)) = (fetch(material.normal_texture), at.tangent(context.geometry)) {
+            let scale = material.normal_scale;
+            let map = Vec3::new((texel.x * 2.0 - 1.0) * scale, (texel.y * 2.0 - 1.0) * scale, texel.z * 2.0 - 1.0);
+            n_s = interaction::tilt(n_s, tangent, map);
+            mapped = true;
         }
     }
     let textured = Textured { base_color, metallic, roughness };

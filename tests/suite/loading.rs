@@ -4,13 +4,14 @@ mod fixture;
 mod hostile;
 
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use pathspace::Scene;
 use pathspace::scene::{ColorSpace, Projection, PunctualKind, Wrap};
 use serde_json::{Value, json};
 
+use crate::common::shared;
 use fixture::{Fixture, write};
 
 /// A small RGB PNG whose texel (x, y) is (40·x, 40·y, 200).
@@ -31,15 +32,6 @@ fn warns(scene: &Scene, words: &str) -> bool {
     scene.warnings.iter().any(|warning| warning.what.contains(words))
 }
 
-fn shared(path: &str) -> Option<PathBuf> {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
-    let there = path.exists();
-    if !there {
-        eprintln!("skipped: {} is absent", path.display());
-    }
-    there.then_some(path)
-}
-
 /// Oracle: the table of the shared scenes' README (triangles, size) and their definitions (meshes, lights, textures).
 #[test]
 fn shared_scenes_have_their_known_counts() {
@@ -51,8 +43,8 @@ fn shared_scenes_have_their_known_counts() {
         ("many-lights", 1188, 256, 364, 2, 0),
         ("interior", 1_036_330, 256, 70, 0, 8),
     ] {
-        let Some(path) = shared(&format!("scenes/{name}.gltf")) else { return };
-        let scene = Scene::load(path).expect("a shared scene loads");
+        let Some(shared) = shared("the counts of the shared scenes") else { return };
+        let scene = Scene::load(shared.join(format!("scenes/{name}.gltf"))).expect("a shared scene loads");
         assert_eq!(scene.triangle_count(), triangles, "{name}");
         assert_eq!(
             (scene.instances.len(), scene.punctual.len(), scene.textures.len()),
@@ -99,7 +91,8 @@ fn own_scenes_load_as_their_recipes_say() {
 /// Oracle: the asset's published data: five materials with normal maps, no camera, normals and tangents in the file.
 #[test]
 fn a_real_asset_loads() {
-    let Some(path) = shared("assets/FlightHelmet/FlightHelmet.gltf") else { return };
+    let Some(shared) = shared("a real asset") else { return };
+    let path = shared.join("assets/FlightHelmet/FlightHelmet.gltf");
     let scene = Scene::load(path).expect("the asset loads");
     assert_eq!(scene.textures.len(), 15);
     assert!(warns(&scene, "camera") && warns(&scene, "occlusionTexture") && warns(&scene, "BLEND"));
@@ -339,7 +332,8 @@ fn base64(bytes: &[u8]) -> String {
 /// seams, so a small share may differ.
 #[test]
 fn generated_tangents_agree_with_baked_ones() {
-    let Some(path) = shared("assets/FlightHelmet/FlightHelmet.gltf") else { return };
+    let Some(shared) = shared("generated tangents") else { return };
+    let path = shared.join("assets/FlightHelmet/FlightHelmet.gltf");
     let mut json: Value = serde_json::from_slice(&std::fs::read(&path).expect("the asset")).expect("JSON");
     for mesh in json["meshes"].as_array_mut().expect("meshes") {
         mesh["primitives"][0]["attributes"]
