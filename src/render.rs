@@ -34,7 +34,7 @@ pub struct Progress {
     pub elapsed: Duration,
     /// Samples every pixel has by now.
     pub spp: u64,
-    /// Fraction of the work done, in [0,1], by whichever limit is nearest.
+    /// Fraction of the work done, in [0, 1], by whichever limit is nearest.
     pub fraction: f64,
     /// Estimated relMSE so far; `None` until both halves have samples.
     pub relmse: Option<f64>,

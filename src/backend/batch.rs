@@ -37,7 +37,7 @@ pub struct RayBlock {
     pub dir_y: [f32; LANES],
     /// Unit direction.
     pub dir_z: [f32; LANES],
-    /// Shutter time in [0,1]; read only by scenes that move.
+    /// Shutter time in [0, 1]; read only by scenes that move.
     pub time: [f32; LANES],
     /// End of the segment; the hit distance after `closest_hit`, [`BLOCKED`] after a positive `any_hit`.
     pub tfar: [f32; LANES],

@@ -13,7 +13,7 @@
 //!
 //! with m = max(\|e1\|, \|e2\|, \|e2 − e1\|) and X = the product sums of e1 × e2 without cancellation, both per component. The
 //! last row grows with the triangle's aspect ratio, as the error itself does; for slivers of a general direction it
-//! dominates. The first rows are worst cases; c is measured, see [`TEST_ROUNDING`].
+//! dominates. The first rows are worst cases; c is measured, see `TEST_ROUNDING`.
 //! Checked by `tests/suite/spawn.rs` (HARDCASES G07, G08, G19) on every backend of the build.
 
 use glam::{Affine3A, Mat3A, Vec3};

@@ -19,13 +19,13 @@ pub struct TextureSlot {
 pub struct Material {
     /// Name in the file, or `material N`.
     pub name: String,
-    /// `baseColorFactor` RGB in [0,1].
+    /// `baseColorFactor` RGB in [0, 1].
     pub base_color: Vec3,
     /// sRGB texture multiplied into `base_color`.
     pub base_color_texture: Option<TextureSlot>,
-    /// `metallicFactor` in [0,1].
+    /// `metallicFactor` in [0, 1].
     pub metallic: f32,
-    /// `roughnessFactor` in [0,1]; GGX alpha is its square.
+    /// `roughnessFactor` in [0, 1]; GGX alpha is its square.
     pub roughness: f32,
     /// Linear texture: G multiplies roughness, B multiplies metallic.
     pub metallic_roughness_texture: Option<TextureSlot>,
@@ -37,13 +37,13 @@ pub struct Material {
     pub emissive: Vec3,
     /// sRGB texture multiplied into `emissive`.
     pub emissive_texture: Option<TextureSlot>,
-    /// `KHR_materials_specular.specularFactor` in [0,1]. 0 with metallic 0 is an exact Lambert surface.
+    /// `KHR_materials_specular.specularFactor` in [0, 1]. 0 with metallic 0 is an exact Lambert surface.
     pub specular: f32,
     /// `KHR_materials_specular.specularColorFactor`, ≥ 0.
     pub specular_color: Vec3,
     /// `KHR_materials_ior.ior`, ≥ 1.
     pub ior: f32,
-    /// `KHR_materials_transmission.transmissionFactor` in [0,1].
+    /// `KHR_materials_transmission.transmissionFactor` in [0, 1].
     pub transmission: f32,
     /// `KHR_materials_volume.thicknessFactor` ≥ 0; 0 means thin-walled, above 0 a solid dielectric.
     pub thickness: f32,

@@ -37,7 +37,7 @@ impl GaussLegendre {
         &self.nodes
     }
 
-    /// ∫f over [a,b].
+    /// ∫f over [a, b].
     pub fn integrate(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
         (b - a) * self.nodes.iter().map(|&(x, w)| w * f(a + (b - a) * x)).sum::<f64>()
     }
