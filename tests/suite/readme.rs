@@ -53,7 +53,8 @@ fn announced(comment: &str) -> i32 {
 
 #[test]
 fn examples_are_read_from_sh_blocks() {
-    let text = "pathspace no\n```sh\nmake test\npathspace info a --json  # exit 4: gone\n```\n```text\npathspace no\n```\n";
+    let text =
+        "pathspace no\n```sh\nmake test\npathspace info a --json  # exit 4: gone\n```\n```text\npathspace no\n```\n";
     let expected = Example { arguments: vec!["info".into(), "a".into(), "--json".into()], exit: 4 };
     assert_eq!(examples(text), [expected]);
 }
