@@ -27,3 +27,8 @@ pub mod wavefront;
 pub use error::{Error, Result};
 pub use render::{RenderOptions, Renderer};
 pub use scene::Scene;
+
+/// The Rust example of the README, compiled and run as a doctest.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -13,6 +13,7 @@ mod layers;
 mod lights;
 mod loading;
 mod meter;
+mod readme;
 mod sampling;
 mod spawn;
 mod textures;
