@@ -159,7 +159,7 @@ fn record_of([a, b, c]: &[Vec3; 3]) -> Triangle {
         n_g: cross.normalize().as_vec3().to_array(),
         material: 0,
         attributes: NO_ATTRIBUTES,
-        area: 0.5 * cross.length() as f32,
+        error: 0.0,
         light: u32::MAX,
     }
 }
