@@ -321,7 +321,9 @@ fn a_signal_writes_what_was_rendered() {
         let stdout = child.stdout.take().expect("piped");
         let mut reader = std::io::BufReader::new(stdout);
         std::io::BufRead::read_line(&mut reader, &mut line).expect("a line of progress");
-        let kill = std::process::Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status();
+        // The shell's own `kill`: a bare Debian has no program of that name.
+        let kill = format!("kill -{signal} {}", child.id());
+        let kill = std::process::Command::new("sh").args(["-c", &kill]).status();
         assert!(kill.is_ok_and(|status| status.success()));
         // The rest is read to the end, so that the child never waits for room in the pipe.
         std::io::Read::read_to_string(&mut reader, &mut line).expect("text");
