@@ -11,5 +11,6 @@ mod film;
 mod lights;
 mod loading;
 mod meter;
+mod reference;
 mod textures;
 mod transport;
