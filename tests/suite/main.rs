@@ -14,6 +14,7 @@ mod lights;
 mod loading;
 mod meter;
 mod readme;
+mod reference;
 mod sampling;
 mod spawn;
 mod textures;
