@@ -88,6 +88,9 @@ const TILE: u32 = 16;
 /// Most samples per pixel in one pass: short enough for a progress report each second on ordinary images.
 const PASS_SAMPLES: u64 = 64;
 
+/// How often the error is estimated for the report alone.
+const ESTIMATE_INTERVAL: Duration = Duration::from_secs(1);
+
 /// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
 const PASS_SECONDS: f64 = 0.4;
 
@@ -180,7 +183,7 @@ impl<'a> Renderer<'a> {
 
         let (mut done, mut relmse) = (0u64, None);
         let mut stop = StopReason::Spp;
-        let mut last = Duration::ZERO;
+        let (mut last, mut estimated) = (Duration::ZERO, Duration::ZERO);
         let mut samples = 1u64;
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
@@ -211,10 +214,15 @@ impl<'a> Renderer<'a> {
             }
             done += samples;
 
+            // The estimate costs a look at every pixel. A target is judged at checkpoints that depend on nothing but the
+            // number of samples, so that the same input stops at the same sample; a mere report may wait a second.
             let elapsed = start.elapsed();
-            let estimate = film.lock().expect("no worker panicked").error_estimate();
-            relmse = estimate.map(|e| e.relmse);
-            if let (Some(target), Some(r)) = (limits.error, relmse)
+            let judged = limits.error.is_some() && is_checkpoint(done);
+            if judged || (limits.error.is_none() && elapsed - estimated >= ESTIMATE_INTERVAL) {
+                relmse = film.lock().expect("no worker panicked").error_estimate().map(|e| e.relmse);
+                estimated = elapsed;
+            }
+            if let (true, Some(target), Some(r)) = (judged, limits.error, relmse)
                 && done >= limits.min_spp
                 && r <= target * target
             {
@@ -226,6 +234,9 @@ impl<'a> Renderer<'a> {
                 break;
             }
             samples = next_pass(samples, elapsed - last, limits.time.map(|t| t.saturating_sub(elapsed)), done);
+            if limits.error.is_some() {
+                samples = samples.min(checkpoint_step(done));
+            }
             last = elapsed;
         }
 
@@ -375,6 +386,22 @@ fn next_pass(last: u64, took: Duration, left: Option<Duration>, done: u64) -> u6
     let fitting = if per_sample > 0.0 { (seconds / per_sample) as u64 } else { u64::MAX };
     let samples = fitting.min(2 * last).clamp(2, PASS_SAMPLES);
     samples & !1
+}
+
+/// Distance from `done` to the next number of samples at which an error target is judged.
+fn checkpoint_step(done: u64) -> u64 {
+    let spacing = checkpoint_spacing(done);
+    spacing - done % spacing
+}
+
+/// Whether an error target is judged after `done` samples.
+fn is_checkpoint(done: u64) -> bool {
+    done.is_multiple_of(checkpoint_spacing(done))
+}
+
+/// Checkpoints lie an eighth of the power of two below apart, at least 2 samples.
+fn checkpoint_spacing(done: u64) -> u64 {
+    ((1u64 << (63 - done.max(1).leading_zeros())) >> 3).max(2)
 }
 
 /// Bits 0, 2, 4, … of `code`, packed.
