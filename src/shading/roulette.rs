@@ -21,14 +21,18 @@ const LATTICE: f32 = 16_777_216.0;
 /// [`FIRST_VERTEX`], and for a throughput that is NaN, which is to reach the counter.
 #[inline(always)]
 pub fn survival(beta: Vec3, eta_scale: f32, vertex: u32) -> f32 {
-    let largest = beta.max_element();
-    if largest <= 0.0 {
-        return 0.0;
-    }
-    if vertex < FIRST_VERTEX {
+    if vertex < FIRST_VERTEX && beta.max_element() > 0.0 {
         return 1.0;
     }
-    on_lattice((largest * eta_scale).min(1.0))
+    survival_from(beta, eta_scale)
+}
+
+/// [`survival`] from [`FIRST_VERTEX`] on; one expression, for loops over lanes.
+#[inline(always)]
+pub fn survival_from(beta: Vec3, eta_scale: f32) -> f32 {
+    let largest = beta.x.max(beta.y).max(beta.z);
+    let q = on_lattice((largest * eta_scale).min(1.0));
+    if largest <= 0.0 { 0.0 } else { q }
 }
 
 /// `q` rounded up to a multiple of 2^-24, at least one: `u < q` then has exactly this probability, however small.

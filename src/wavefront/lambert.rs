@@ -7,19 +7,22 @@
 use glam::Vec3;
 
 use super::state::{NO_MEDIUM, PathLane, Paths, Wave};
-use super::{Context, estimator, shade};
+use super::{Context, shade};
 use crate::backend::batch::LANES;
 use crate::math::float;
 use crate::math::frame::Frame;
 use crate::math::warp;
-use crate::plan::options::Roulette;
+use crate::plan::options::{Roulette, Strategy};
 use crate::sampler::{Scheme, dims};
 use crate::shading::interaction::Interaction;
-use crate::shading::roulette;
+use crate::shading::{mis, roulette};
 use std::f32::consts::FRAC_1_PI;
 
 type Lane = [f32; LANES];
 type Lane3 = [Lane; 3];
+
+/// A condition per lane, 1 or 0. As wide as the numbers it selects among: loops that mix widths do not vectorise.
+type Mask = [u32; LANES];
 
 const ZERO: Lane = [0.0; LANES];
 const ZERO3: Lane3 = [ZERO; 3];
@@ -66,9 +69,10 @@ struct LightBlock {
     target: Lane3,
     normal: Lane3,
     error: Lane,
-    /// All ones where the light is at infinity.
-    infinite: [bool; LANES],
-    delta: [bool; LANES],
+    /// 1 where the light is at infinity.
+    infinite: Mask,
+    /// 0 for delta lights, which BSDF sampling cannot find, else 1.
+    shared: Lane,
 }
 
 /// Shades every lane of `queue`. Returns how many paths the depth limit ended.
@@ -177,26 +181,36 @@ impl Block {
 
     /// Ends paths that cannot return their cost and scales up the others. Surfaces without any albedo end all.
     #[inline(always)]
-    fn roulette(&mut self, context: &Context, u: &Lane, n: usize, edge: u32) -> [bool; LANES] {
-        let mut alive = [false; LANES];
-        for i in 0..LANES {
-            let q = match context.plan.roulette {
-                Roulette::Off => 1.0,
-                Roulette::On => roulette::survival(get(&self.beta, i), self.eta_scale[i], edge),
-                Roulette::Constant(q) => roulette::on_lattice(q),
-            };
-            let scale = 1.0 / q.max(f32::MIN_POSITIVE);
-            for c in 0..3 {
-                self.beta[c][i] *= scale;
+    fn roulette(&mut self, context: &Context, u: &Lane, n: usize, edge: u32) -> Mask {
+        let mut q = [1.0; LANES];
+        match context.plan.roulette {
+            Roulette::Off => {}
+            Roulette::On if edge < roulette::FIRST_VERTEX => {}
+            Roulette::On => {
+                for i in 0..LANES {
+                    q[i] = roulette::survival_from(get(&self.beta, i), self.eta_scale[i]);
+                }
             }
-            alive[i] = (i < n) & (u[i] < q) & (get(&self.albedo, i).max_element() > 0.0);
+            Roulette::Constant(constant) => q = [roulette::on_lattice(constant); LANES],
+        }
+        let mut alive = [0; LANES];
+        for i in 0..LANES {
+            let scale = 1.0 / q[i];
+            self.beta[0][i] *= scale;
+            self.beta[1][i] *= scale;
+            self.beta[2][i] *= scale;
+            let albedo = self.albedo[0][i].max(self.albedo[1][i]).max(self.albedo[2][i]);
+            alive[i] = u32::from(u[i] < q[i]) & u32::from(albedo > 0.0);
+        }
+        for dead in &mut alive[n..] {
+            *dead = 0;
         }
         alive
     }
 
     /// Draws one light point per living lane; lookups by index, lane by lane.
     #[inline(always)]
-    fn sample_lights(&self, context: &Context, alive: &[bool; LANES], u: &[Lane; 4]) -> LightBlock {
+    fn sample_lights(&self, context: &Context, alive: &Mask, u: &[Lane; 4]) -> LightBlock {
         let mut light = LightBlock {
             wi: [ZERO, ZERO, [1.0; LANES]],
             radiance: ZERO3,
@@ -204,11 +218,11 @@ impl Block {
             target: ZERO3,
             normal: ZERO3,
             error: ZERO,
-            infinite: [false; LANES],
-            delta: [false; LANES],
+            infinite: [0; LANES],
+            shared: [1.0; LANES],
         };
         for i in 0..LANES {
-            if !alive[i] {
+            if alive[i] == 0 {
                 continue;
             }
             let chosen = context.lights.sample(get(&self.p, i), get(&self.n_g, i), [u[0][i], u[1][i], u[2][i]]);
@@ -220,9 +234,9 @@ impl Block {
             set(&mut light.wi, i, sample.wi);
             set(&mut light.radiance, i, radiance);
             light.pdf_sa[i] = sample.pdf_sa;
-            light.delta[i] = sample.delta;
+            light.shared[i] = if sample.delta { 0.0 } else { 1.0 };
             match sample.target {
-                None => light.infinite[i] = true,
+                None => light.infinite[i] = 1,
                 Some(target) => {
                     set(&mut light.target, i, target.position);
                     set(&mut light.normal, i, target.normal);
@@ -236,53 +250,75 @@ impl Block {
     /// Next-event estimation of all lanes; pushes the shadow rays that could carry something.
     #[inline(always)]
     fn shadow_rays(&self, context: &Context, wave: &mut Wave, light: &mut LightBlock) {
-        let strategy = context.plan.strategy;
+        // The heuristic is chosen once, outside the loop. A delta light counts as one that the BSDF never finds.
+        match context.plan.strategy {
+            Strategy::MisPower => self.weigh(light, mis::power_weight),
+            Strategy::MisBalance => self.weigh(light, mis::balance_weight),
+            Strategy::LightOnly => self.weigh(light, |_, _| 1.0),
+            Strategy::BsdfOnly => return,
+        }
         let (mut org, mut dir, mut tfar) = (ZERO3, ZERO3, ZERO);
-        let mut keep = [false; LANES];
+        let mut keep: Mask = [0; LANES];
         for i in 0..LANES {
-            let (wi, n_g) = (get(&light.wi, i), get(&self.n_g, i));
-            let cos = get(&self.n_s, i).dot(wi);
-            let visible = (cos > 0.0) & (n_g.dot(wi) > 0.0) & (light.pdf_sa[i] > 0.0);
-            let pdf_bsdf = cos * FRAC_1_PI;
-            let weight = estimator::light_weight(strategy, light.pdf_sa[i], pdf_bsdf, light.delta[i]);
-            let f_cos = get(&self.albedo, i) * pdf_bsdf;
-            let carried = get(&self.beta, i) * f_cos * get(&light.radiance, i) * (weight / light.pdf_sa[i]);
-            set(&mut light.radiance, i, carried);
-
-            let origin = float::spawn_origin(get(&self.p, i), n_g, self.error[i], wi);
-            set(&mut org, i, origin);
+            let wi = get(&light.wi, i);
+            let origin = float::spawn_origin(get(&self.p, i), get(&self.n_g, i), self.error[i], wi);
             let segment = float::segment_to(origin, get(&light.target, i), get(&light.normal, i), light.error[i]);
-            let finite = !light.infinite[i];
+            let finite = light.infinite[i] == 0;
+            set(&mut org, i, origin);
             set(&mut dir, i, if finite { segment.dir } else { wi });
-            tfar[i] = if finite { segment.tfar } else { f32::INFINITY };
-            let reached = light.infinite[i] | ((segment.tfar > 0.0) & (segment.tfar < f32::INFINITY));
-            keep[i] = visible & reached & (carried.max_element() > 0.0);
+            let end = if finite { segment.tfar } else { f32::MAX };
+            let carried = light.radiance[0][i].max(light.radiance[1][i]).max(light.radiance[2][i]);
+            keep[i] = u32::from(end > 0.0) & u32::from(end < f32::INFINITY) & u32::from(carried > 0.0);
+            tfar[i] = if finite { end } else { f32::INFINITY };
         }
         for i in 0..LANES {
-            if keep[i] {
+            if keep[i] != 0 {
                 wave.shadows.push(self.slot[i], get(&light.radiance, i), get(&org, i), get(&dir, i), tfar[i]);
+            }
+        }
+    }
+
+    /// Turns the radiance of each light sample into what its shadow ray carries; 0 where nothing can arrive.
+    #[inline(always)]
+    fn weigh(&self, light: &mut LightBlock, heuristic: impl Fn(f32, f32) -> f32) {
+        for i in 0..LANES {
+            let wi = get(&light.wi, i);
+            let cos = get(&self.n_s, i).dot(wi);
+            let visible = (cos > 0.0) & (get(&self.n_g, i).dot(wi) > 0.0) & (light.pdf_sa[i] > 0.0);
+            let pdf_bsdf = cos * FRAC_1_PI;
+            let weight = heuristic(light.pdf_sa[i], pdf_bsdf * light.shared[i]);
+            let factor = if visible { pdf_bsdf * (weight / light.pdf_sa[i]) } else { 0.0 };
+            for c in 0..3 {
+                light.radiance[c][i] *= self.beta[c][i] * self.albedo[c][i] * factor;
             }
         }
     }
 
     /// Cosine-distributed directions; pushes the paths that go on.
     #[inline(always)]
-    fn scatter(&mut self, next: &mut Paths, alive: &[bool; LANES], u: &[Lane; 4]) {
+    fn scatter(&mut self, next: &mut Paths, alive: &Mask, u: &[Lane; 4]) {
         let (mut org, mut dir, mut pdf_sa) = (ZERO3, ZERO3, ZERO);
-        let mut keep = [false; LANES];
+        let mut keep: Mask = [0; LANES];
         for i in 0..LANES {
             let (n_s, n_g) = (get(&self.n_s, i), get(&self.n_g, i));
             let local = warp::cosine_hemisphere([u[1][i], u[2][i]]);
             let wi = Frame::from_normal(n_s).to_world(local);
-            let beta = get(&self.beta, i) * get(&self.albedo, i);
-            set(&mut self.beta, i, beta);
             set(&mut dir, i, wi);
             set(&mut org, i, float::spawn_origin(get(&self.p, i), n_g, self.error[i], wi));
             pdf_sa[i] = warp::cosine_hemisphere_pdf(local.z);
-            keep[i] = alive[i] & (n_g.dot(wi) > 0.0) & (beta.max_element() > 0.0);
+            keep[i] = alive[i] & u32::from(n_g.dot(wi) > 0.0);
         }
         for i in 0..LANES {
-            if keep[i] {
+            let mut largest = 0.0f32;
+            for c in 0..3 {
+                self.beta[c][i] *= self.albedo[c][i];
+                largest = largest.max(self.beta[c][i]);
+            }
+            // A throughput that is NaN goes on, to be counted.
+            keep[i] &= u32::from(!(largest <= 0.0));
+        }
+        for i in 0..LANES {
+            if keep[i] != 0 {
                 let path = PathLane {
                     beta: get(&self.beta, i),
                     eta_scale: self.eta_scale[i],
