@@ -24,8 +24,9 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use pathspace::backend::BackendKind;
+use pathspace::film::Film;
+use pathspace::film::estimate::RELMSE_EPSILON;
 use pathspace::film::exr::{Picture, read_exr};
-use pathspace::film::{Film, RELMSE_EPSILON};
 use pathspace::plan::options::RenderOptions;
 use pathspace::scene::{Environment, Scene};
 use pathspace_stat::{t_limit, z_limit};
