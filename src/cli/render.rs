@@ -52,7 +52,7 @@ fn render(args: &RenderArgs) -> Result<u8> {
             None => ControlFlow::Continue(()),
         }
     })?;
-    view.clear();
+    view.finish(&render);
     seconds.render = render.render_time.as_secs_f64();
 
     let writing = Instant::now();
