@@ -106,7 +106,7 @@ fn exr_options(
         render_seconds: Some(render.render_time.as_secs_f64()),
         view: Some(view_matrices(renderer, scene)),
         seed: Some(args.seed),
-        sample_range: Some((0, render.film.spp().max)),
+        sample_range: Some((0, render.film.spp().min)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
         isa: Some(backend.isa.clone()),
         plan: serde_json::to_string(record).ok(),
