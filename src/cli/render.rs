@@ -32,13 +32,15 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let start = Instant::now();
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     let signals = Signals::listen()?;
+    job::check(args)?;
     let outputs = Outputs::check(args)?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(args))?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
     verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
     let options = job::options(args, scene);
+    job::check_memory(&options)?;
     let renderer = Renderer::new(scene, options.clone())?;
     seconds.build = renderer.build_time().as_secs_f64();
     let record = PlanRecord::of(renderer.plan(), renderer.backend_info());
