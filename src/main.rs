@@ -16,7 +16,8 @@ fn main() -> ExitCode {
     match outcome {
         Ok(Ok(code)) => ExitCode::from(code),
         Ok(Err(error)) => {
-            report::stderr_line(format_args!("pathspace: error: {error:#}"));
+            // Plain, not `{:#}`: the library's messages carry their causes already.
+            report::stderr_line(format_args!("pathspace: error: {error}"));
             ExitCode::from(error.downcast_ref::<pathspace::Error>().map_or(EXIT_INTERNAL, pathspace::Error::exit_code))
         }
         Err(_) => ExitCode::from(EXIT_INTERNAL),

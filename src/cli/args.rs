@@ -103,15 +103,9 @@ pub struct RenderArgs {
     #[arg(long, value_name = "M", requires = "aperture_radius", value_parser = units::length_m, help_heading = "Camera")]
     pub focus_distance: Option<f32>,
 
-    /// Equirectangular environment, .exr or .hdr (linear Rec.709)
-    #[arg(long, value_name = "FILE", help_heading = "Environment")]
-    pub env: Option<PathBuf>,
-    /// Turn the environment counter-clockwise seen from above, degrees
-    #[arg(long, value_name = "DEG", default_value = "0", requires = "env", value_parser = units::finite, help_heading = "Environment")]
-    pub env_rotation: f32,
-    /// Multiply the environment's radiance
-    #[arg(long, value_name = "X", default_value = "1", requires = "env", value_parser = units::not_negative, help_heading = "Environment")]
-    pub env_intensity: f32,
+    /// The environment.
+    #[command(flatten)]
+    pub environment: EnvironmentArgs,
 
     /// Longest path in edges; 1 shows emitters only
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
@@ -138,8 +132,8 @@ pub struct RenderArgs {
     /// How rays are handed to the backend; auto lets the plan choose for each class of rays
     #[arg(long, default_value = "auto", value_parser = rays_parser(), help_heading = "Machine")]
     pub rays: Rays,
-    /// Pin the backend's instruction set, in its own spelling (Embree: sse2, sse4.2, avx, avx2, avx512)
-    #[arg(long, value_name = "NAME", help_heading = "Machine")]
+    /// Pin Embree's instruction set; the other backends have nothing to pin
+    #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
     pub isa: Option<String>,
 
     /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson)
@@ -153,14 +147,32 @@ pub struct RenderArgs {
     pub verbose: bool,
 }
 
+/// The environment, as `render` and `info` take it.
+#[derive(Debug, Args)]
+pub struct EnvironmentArgs {
+    /// Equirectangular environment, .exr or .hdr (linear Rec.709)
+    #[arg(long, value_name = "FILE", help_heading = "Environment")]
+    pub env: Option<PathBuf>,
+    /// Turn the environment counter-clockwise seen from above, degrees
+    #[arg(long, value_name = "DEG", default_value = "0", requires = "env", value_parser = units::finite, help_heading = "Environment")]
+    pub env_rotation: f32,
+    /// Multiply the environment's radiance
+    #[arg(long, value_name = "X", default_value = "1", requires = "env", value_parser = units::not_negative, help_heading = "Environment")]
+    pub env_intensity: f32,
+}
+
 /// `info`.
 #[derive(Debug, Args)]
+#[command(allow_negative_numbers = true)]
 pub struct InfoArgs {
     /// Scene, .gltf or .glb
     pub scene: PathBuf,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+    /// The environment.
+    #[command(flatten)]
+    pub environment: EnvironmentArgs,
 }
 
 /// `compare`.

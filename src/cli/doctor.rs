@@ -10,11 +10,11 @@ use crate::scene::geometry::Geometry;
 /// Exit code when no render can run.
 const EXIT_UNUSABLE: u8 = 1;
 
-/// Packages that building needs, by `VERSION_ID` of Debian.
-const PACKAGES: [(&str, &str); 2] = [
-    ("12", "apt-get install build-essential pkg-config libclang-dev libembree-dev   (Embree 3.13.5)"),
-    ("13", "apt-get install build-essential pkg-config libclang-dev libembree-dev   (Embree 4.3.3)"),
-];
+/// Packages that building needs on Debian; those of `scripts/setup.sh`.
+const PACKAGES: &str = "gcc libc6-dev make libembree-dev libclang-dev";
+
+/// Embree of each Debian, by `VERSION_ID`.
+const EMBREE: [(&str, &str); 2] = [("12", "Embree 3.13.5"), ("13", "Embree 4.3.3")];
 
 /// Runs the command.
 pub fn run() -> Result<u8> {
@@ -38,13 +38,12 @@ pub fn run() -> Result<u8> {
         lines.push(format!("missing     this build needs a processor with {}", missing.join(", ")));
     }
     let verdict = usable > 0 && missing.is_empty();
-    match PACKAGES.into_iter().find(|(version, _)| *version == release.version) {
-        Some((_, command)) => lines.push(format!("to build    {command}")),
-        None => {
-            lines.push("to build    on other systems: a C compiler, pkg-config, libclang, Embree 3.13 or 4.x".into());
-        }
-    }
-    lines.push("            cargo build --release --no-default-features needs none of these (no Embree then)".into());
+    lines.push(match EMBREE.into_iter().find(|(version, _)| *version == release.version) {
+        Some((_, embree)) => format!("to build    apt-get install {PACKAGES}   ({embree})"),
+        None => "to build    on other systems: a C compiler (it links), make, libclang, Embree 3.13 or 4.x".into(),
+    });
+    lines.push("            without Embree: a C compiler (gcc libc6-dev) is still needed, because it links;".into());
+    lines.push("            then cargo build --release --no-default-features".into());
     lines.push(format!("verdict     {}\n", if verdict { "ready to render" } else { "cannot render" }));
     print(&lines.join("\n"))?;
     Ok(if verdict { EXIT_OK } else { EXIT_UNUSABLE })
@@ -119,4 +118,22 @@ fn cpu_name() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or_else(|| std::env::consts::ARCH.to_string(), |(_, name)| name.trim().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::PACKAGES;
+    use std::collections::BTreeSet;
+
+    /// Oracle: the words of setup.sh's `packages=(…)` and `packages+=(…)`.
+    #[test]
+    fn the_packages_are_those_of_the_setup_script() {
+        let script = include_str!("../../scripts/setup.sh");
+        let lists = script.split("packages").filter_map(|rest| {
+            let list = rest.strip_prefix("=(").or_else(|| rest.strip_prefix("+=("))?;
+            Some(list.split_once(')')?.0)
+        });
+        let expected: BTreeSet<&str> = lists.flat_map(str::split_whitespace).collect();
+        assert_eq!(PACKAGES.split_whitespace().collect::<BTreeSet<_>>(), expected);
+    }
 }

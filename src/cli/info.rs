@@ -1,11 +1,12 @@
 //! `pathspace info`: what a scene holds and asks for, what will be simulated of it, what not and why. The plan is the one
-//! that `render` without flags would run; the backend is built, because the effective query modes are its to say.
+//! that `render` would run with the same environment and no other flags; the backend is built, because the effective query modes are its to say.
 
 use std::fmt;
 
 use serde::Serialize;
 
 use super::args::InfoArgs;
+use super::job::EnvironmentRequest;
 use super::report::Verbosity;
 use super::{EXIT_OK, job, print, to_json};
 use crate::backend::BackendInfo;
@@ -106,7 +107,7 @@ struct CameraRecord {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<u8> {
-    let scene = &job::load(&args.scene, None)?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
     let (width, height) = job::picture_size(None, None, scene, scene.cameras.first());
     let options = RenderOptions { threads: job::default_threads(), ..RenderOptions::new(width, height) };
     let renderer = Renderer::new(scene, options)?;

@@ -1,12 +1,15 @@
 //! From arguments to a job: outputs are checked before any work, the scene is loaded, and what depends on the scene (size,
 //! camera, environment) is settled. Ranges that the plan checks are left to the plan.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::args::{Rays, RenderArgs, SamplerName, StrategyName, Switch};
+use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, StrategyName, Switch};
+use crate::backend::BackendKind;
 use crate::error::{Error, Result};
+use crate::film::Pixel;
 use crate::film::atomic::check_writable;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
@@ -14,6 +17,9 @@ use crate::scene::{Camera, Environment, Projection, Scene, Warning};
 
 /// Columns of a picture for which neither the command line nor the scene names a size.
 const DEFAULT_WIDTH: u32 = 1280;
+
+/// Pixels of the largest window that is rendered; what `compare` reads.
+const MOST_PIXELS: u64 = 1 << 28;
 
 /// Aspect of a picture for which nothing names one.
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
@@ -33,8 +39,8 @@ impl Outputs {
     /// Sorts the output options by kind and makes sure that each file can be written.
     ///
     /// # Errors
-    /// [`Error::Option`] for names of a wrong kind and for options without effect, [`Error::Io`] for a folder that is
-    /// missing or not writable.
+    /// [`Error::Option`] for names of a wrong kind, for a file that is named twice or is also read, and for options
+    /// without effect; [`Error::Io`] for a folder that is missing or not writable.
     pub fn check(args: &RenderArgs) -> Result<Self> {
         let mut outputs = Outputs { stats: args.stats.clone(), ..Outputs::default() };
         match extension(&args.output).as_deref() {
@@ -54,15 +60,73 @@ impl Outputs {
         if outputs.pngs.is_empty() && args.exposure != 0.0 {
             return refuse("--exposure", "it applies to PNG previews only: add --png FILE.png".into());
         }
-        let all: Vec<&PathBuf> = outputs.exr.iter().chain(&outputs.pngs).chain(&outputs.stats).collect();
-        for (i, path) in all.iter().enumerate() {
-            if all[..i].contains(path) {
-                return refuse("--output", format!("{} is named as two outputs", path.display()));
-            }
-            check_writable(path)?;
+        if let Some(stats) = &outputs.stats
+            && extension(stats).as_deref() != Some("json")
+        {
+            return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
         }
+        outputs.check_files([Some(&args.scene), args.environment.env.as_ref()])?;
         Ok(outputs)
     }
+
+    /// Each output can be written and is another file than the others and than the `inputs`.
+    fn check_files(&self, inputs: [Option<&PathBuf>; 2]) -> Result<()> {
+        let inputs: Vec<PathBuf> = inputs.into_iter().flatten().filter_map(|path| path.canonicalize().ok()).collect();
+        let mut places: Vec<PathBuf> = Vec::new();
+        let pictures = self.exr.iter().chain(&self.pngs).map(|path| ("--output", path));
+        for (option, path) in pictures.chain(self.stats.iter().map(|path| ("--stats", path))) {
+            check_writable(path)?;
+            if path.canonicalize().is_ok_and(|file| inputs.contains(&file)) {
+                return refuse(option, format!("{} is also read by this render", path.display()));
+            }
+            let place = place(path);
+            if places.contains(&place) {
+                return refuse(option, format!("{} is named as two outputs", path.display()));
+            }
+            places.push(place);
+        }
+        Ok(())
+    }
+}
+
+/// The same for every spelling of a path whose folder exists: the folder without links, `.` and `..`, then the name. A
+/// link at the end stays itself: it is what gets replaced.
+fn place(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let name = path.file_name().unwrap_or(OsStr::new(""));
+    folder.canonicalize().map_or_else(|_| path.into(), |folder| folder.join(name))
+}
+
+/// Refuses what contradicts itself whatever the scene is.
+///
+/// # Errors
+/// [`Error::Option`] naming the option.
+pub fn check(args: &RenderArgs) -> Result<()> {
+    let backend = args.backend.unwrap_or(BackendKind::available()[0]);
+    if args.isa.is_some() && backend != BackendKind::Embree {
+        let name = backend.name();
+        return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
+    }
+    Ok(())
+}
+
+/// Refuses a window whose film does not fit: the alternative is a process that the system ends.
+///
+/// # Errors
+/// [`Error::Option`] with the numbers.
+pub fn check_memory(options: &RenderOptions) -> Result<()> {
+    let (width, height) = options.crop.map_or((options.width, options.height), |crop| (crop.width, crop.height));
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MOST_PIXELS {
+        return refuse("--width", format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
+    }
+    let bytes = pixels * size_of::<Pixel>() as u64;
+    let fits = usize::try_from(bytes).is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok());
+    if !fits {
+        let mib = bytes >> 20;
+        return refuse("--width", format!("{width}x{height} pixels need {mib} MiB, more than there is (use --crop)"));
+    }
+    Ok(())
 }
 
 /// `--env` and what goes with it.
@@ -78,7 +142,7 @@ pub struct EnvironmentRequest<'a> {
 
 impl<'a> EnvironmentRequest<'a> {
     /// What the arguments ask for, if anything.
-    pub fn of(args: &'a RenderArgs) -> Option<Self> {
+    pub fn of(args: &'a EnvironmentArgs) -> Option<Self> {
         args.env.as_deref().map(|path| EnvironmentRequest {
             path,
             rotation_deg: args.env_rotation,
@@ -245,6 +309,25 @@ mod tests {
         assert_eq!(find("2"), None);
         assert_eq!(find("right"), None);
         assert_eq!(camera_choice(None, &scene), CameraChoice::First);
+    }
+
+    #[test]
+    fn spellings_of_one_path_are_one_place() {
+        let root = env!("CARGO_MANIFEST_DIR");
+        let spellings = ["a.exr", "./a.exr", "src/../a.exr"].map(|name| place(&Path::new(root).join(name)));
+        assert!(spellings.iter().all(|spelling| *spelling == spellings[0]), "{spellings:?}");
+        // Tests run in the package's folder.
+        assert_eq!(place(Path::new("a.exr")), spellings[0]);
+        assert_ne!(place(Path::new("src/a.exr")), spellings[0]);
+    }
+
+    #[test]
+    fn windows_beyond_memory_are_refused() {
+        let with = |width, height, crop| check_memory(&RenderOptions { crop, ..RenderOptions::new(width, height) });
+        let crop = crate::render::Crop { x: 9, y: 9, width: 8, height: 8 };
+        assert!(with(64, 64, None).is_ok());
+        assert!(with(65536, 65536, None).is_err());
+        assert!(with(65536, 65536, Some(crop)).is_ok());
     }
 
     #[test]

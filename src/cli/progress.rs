@@ -1,5 +1,8 @@
 //! Progress of a render: a bar on a terminal, a plain line each 10 %, JSON objects on stdout, or nothing.
 //!
+//! While a render runs, `spp` counts the samples that every pixel has, so it lags by the pass at hand, and 100 % is not
+//! said: that line is made from the finished film. A render that was broken off never says 100 %.
+//!
 //! `--progress ndjson` writes one object a line, at most four a second: `{"type":"progress","t":12.3,"spp":64,"pct":25.0,
 //! "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in seconds; err and target are relative RMSE, `null` when
 //! unknown or not asked for; mrays in 10⁶ rays a second), then exactly one `completed` or `failed`. It was asked for, so it
@@ -14,11 +17,14 @@ use serde::Serialize;
 use super::args::ProgressKind;
 use super::report::{Verbosity, stderr_line};
 use crate::error::Error;
-use crate::render::Progress;
+use crate::render::{Progress, Render, StopReason};
 use crate::stats::Stats;
 
 /// Shortest time between two objects of ndjson.
 const NDJSON_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Most that a running render claims to have done: limits are looked at between passes only.
+const RUNNING_FRACTION: f64 = 0.999;
 
 /// Resolution of the bar.
 const BAR_STEPS: u64 = 1000;
@@ -74,8 +80,36 @@ impl ProgressView {
         ProgressView { display, target }
     }
 
-    /// Shows the state `p`.
+    /// Shows the state `p` of a running render.
     pub fn update(&mut self, p: &Progress) {
+        let due = match &self.display {
+            // The line after 90 % is that of the finished render.
+            Display::Plain { .. } => p.fraction < 1.0,
+            Display::Ndjson { last } => last.is_none_or(|last| p.elapsed >= last + NDJSON_INTERVAL),
+            _ => true,
+        };
+        if due {
+            self.show(&Progress { fraction: p.fraction.min(RUNNING_FRACTION), ..*p });
+        }
+    }
+
+    /// The samples are done: shows the end, unless the render was broken off, and takes the bar off the terminal.
+    pub fn finish(&mut self, render: &Render) {
+        match &self.display {
+            Display::Bar(bar) => bar.finish_and_clear(),
+            Display::None => {}
+            _ if render.stop == StopReason::Callback => {}
+            _ => self.show(&Progress {
+                elapsed: render.render_time,
+                spp: render.film.spp().min,
+                fraction: 1.0,
+                relmse: render.film.error_estimate().map(|estimate| estimate.relmse),
+                rays: render.counters.rays(),
+            }),
+        }
+    }
+
+    fn show(&mut self, p: &Progress) {
         let t = p.elapsed.as_secs_f64();
         let eta = (p.fraction > 0.0).then(|| t * (1.0 - p.fraction) / p.fraction);
         let mrays = if t > 0.0 { p.rays as f64 * 1e-6 / t } else { 0.0 };
@@ -90,30 +124,16 @@ impl ProgressView {
                 bar.set_position((p.fraction * BAR_STEPS as f64) as u64);
             }
             Display::Plain { next_percent } => {
-                let percent = (100.0 * p.fraction) as u32;
-                if percent >= *next_percent {
-                    *next_percent = percent / 10 * 10 + 10;
+                if let Some(percent) = due_percent(next_percent, p.fraction) {
                     stderr_line(format_args!("{percent:3} %  {}  {}", clock(t), facts()));
                 }
             }
             Display::Ndjson { last } => {
-                let due = last.is_none_or(|last| p.elapsed >= last + NDJSON_INTERVAL) || p.fraction >= 1.0;
-                if due {
-                    *last = Some(p.elapsed);
-                    let pct = (1000.0 * p.fraction).round() / 10.0;
-                    let line =
-                        ProgressLine { r#type: "progress", t, spp: p.spp, pct, err, target: self.target, eta, mrays };
-                    ndjson(&line);
-                }
+                *last = Some(p.elapsed);
+                let pct = (1000.0 * p.fraction).round() / 10.0;
+                ndjson(&ProgressLine { r#type: "progress", t, spp: p.spp, pct, err, target: self.target, eta, mrays });
             }
             Display::None => {}
-        }
-    }
-
-    /// Takes the bar off the terminal; the summary follows.
-    pub fn clear(&self) {
-        if let Display::Bar(bar) = &self.display {
-            bar.finish_and_clear();
         }
     }
 
@@ -132,6 +152,16 @@ pub fn failed(kind: ProgressKind, error: &Error) {
     if kind == ProgressKind::Ndjson {
         ndjson(&FinalLine::Failed { error: &error.to_string(), exit: error.exit_code() });
     }
+}
+
+/// The percentage to print, if `fraction` has come to the next step of 10 %; moves the step on.
+fn due_percent(next_percent: &mut u32, fraction: f64) -> Option<u32> {
+    let percent = (100.0 * fraction) as u32;
+    let due = percent >= *next_percent;
+    if due {
+        *next_percent = percent / 10 * 10 + 10;
+    }
+    due.then_some(percent)
 }
 
 fn ndjson(line: &impl Serialize) {
@@ -204,6 +234,14 @@ mod tests {
     #[test]
     fn clocks_read_as_people_write_them() {
         assert_eq!([0.4, 59.0, 185.0, 7389.0].map(clock), ["0 s", "59 s", "3:05", "2:03:09"]);
+    }
+
+    #[test]
+    fn each_step_of_ten_percent_is_due_once() {
+        let mut next = 10;
+        let fractions = [0.0, 0.09, 0.1, 0.19, 0.15, 0.42, 0.49, 0.5, 0.93, 0.99, 1.0, 1.0];
+        let due: Vec<u32> = fractions.iter().filter_map(|f| due_percent(&mut next, *f)).collect();
+        assert_eq!(due, [10, 42, 50, 93, 100]);
     }
 
     #[test]

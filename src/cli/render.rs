@@ -32,13 +32,15 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let start = Instant::now();
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     let signals = Signals::listen()?;
+    job::check(args)?;
     let outputs = Outputs::check(args)?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(args))?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
     verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
     let options = job::options(args, scene);
+    job::check_memory(&options)?;
     let renderer = Renderer::new(scene, options.clone())?;
     seconds.build = renderer.build_time().as_secs_f64();
     let record = PlanRecord::of(renderer.plan(), renderer.backend_info());
@@ -52,7 +54,7 @@ fn render(args: &RenderArgs) -> Result<u8> {
             None => ControlFlow::Continue(()),
         }
     })?;
-    view.clear();
+    view.finish(&render);
     seconds.render = render.render_time.as_secs_f64();
 
     let writing = Instant::now();
@@ -106,7 +108,7 @@ fn exr_options(
         render_seconds: Some(render.render_time.as_secs_f64()),
         view: Some(view_matrices(renderer, scene)),
         seed: Some(args.seed),
-        sample_range: Some((0, render.film.spp().max)),
+        sample_range: Some((0, render.film.spp().min)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
         isa: Some(backend.isa.clone()),
         plan: serde_json::to_string(record).ok(),

@@ -76,23 +76,23 @@ impl Verbosity {
         }
         let b = &stats.backend;
         self.detail(format_args!(
-            "backend {} {} ({}), rays {}, hierarchy {}B; {} camera, {} bounce, {} shadow rays",
+            "backend {} {} ({}), rays {}, hierarchy {}; {} camera, {} bounce, {} shadow rays",
             b.name,
             b.version,
             b.isa,
             b.rays,
-            count(b.bvh_bytes),
+            bytes(b.bvh_bytes),
             count(stats.rays.camera),
             count(stats.rays.bounce),
             count(stats.rays.shadow)
         ));
         self.detail(format_args!(
-            "load {:.2} s, build {:.2} s, write {:.2} s, total {:.2} s, peak memory {}B",
+            "load {:.2} s, build {:.2} s, write {:.2} s, total {:.2} s, peak memory {}",
             s.load,
             s.build,
             s.write,
             s.total,
-            stats.peak_rss_bytes.map_or("unknown ".into(), count)
+            stats.peak_rss_bytes.map_or("unknown".into(), bytes)
         ));
         if stats.capped_paths > 0 {
             self.detail(format_args!("{} paths were ended by the depth limit", count(stats.capped_paths)));
@@ -119,7 +119,7 @@ pub fn stderr_line(line: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// A count with three digits and a decimal prefix: "12.3 M".
+/// A count with three digits and a decimal prefix, without a space behind it: "12.3 M", "999".
 pub fn count(n: u64) -> String {
     let scales = [(1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")];
     match scales.into_iter().find(|(scale, _)| n as f64 >= *scale) {
@@ -127,8 +127,14 @@ pub fn count(n: u64) -> String {
             let value = n as f64 / scale;
             format!("{value:.0$} {prefix}", digits(value))
         }
-        None => format!("{n} "),
+        None => n.to_string(),
     }
+}
+
+/// A number of bytes: "12.3 MB", "999 B".
+fn bytes(n: u64) -> String {
+    let space = if n < 1000 { " " } else { "" };
+    format!("{}{space}B", count(n))
 }
 
 /// Decimals that make three digits of a number in [1, 1000).
@@ -158,8 +164,9 @@ mod tests {
     fn counts_have_three_digits() {
         assert_eq!(
             [0, 999, 1000, 12_345, 123_456, 1_234_567].map(count),
-            ["0 ", "999 ", "1.00 k", "12.3 k", "123 k", "1.23 M"]
+            ["0", "999", "1.00 k", "12.3 k", "123 k", "1.23 M"]
         );
+        assert_eq!([999, 12_345].map(bytes), ["999 B", "12.3 kB"]);
     }
 
     #[test]

@@ -72,7 +72,8 @@ pub struct ExrOptions {
     pub view: Option<ViewMatrices>,
     /// `pathspace/seed`.
     pub seed: Option<u64>,
-    /// First sample and one past the last, `pathspace/sampleRange`.
+    /// First sample and one past the last that every pixel has, `pathspace/sampleRange`. When some pixels have more (a
+    /// render stopped in mid-pass), the range of the pixel with the most is written as `pathspace/sampleRangeMax`.
     pub sample_range: Option<(u64, u64)>,
     /// Name and version of the ray backend, `pathspace/backend`.
     pub backend: Option<String>,
@@ -140,10 +141,14 @@ impl Film {
         if let Some(seconds) = options.render_seconds {
             set("renderTimeSeconds", AttributeValue::F32(seconds as f32));
         }
+        let spp = self.spp();
         let range = options.sample_range.map(|(first, end)| format!("{first}..{end}"));
+        let range_max = options.sample_range.filter(|_| spp.max > spp.min);
+        let range_max = range_max.map(|(first, _)| format!("{first}..{}", first + spp.max));
         let texts = [
             ("pathspace/seed", options.seed.map(|seed| seed.to_string())),
             ("pathspace/sampleRange", range),
+            ("pathspace/sampleRangeMax", range_max),
             ("pathspace/backend", options.backend.clone()),
             ("pathspace/isa", options.isa.clone()),
             ("pathspace/plan", options.plan.clone()),

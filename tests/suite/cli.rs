@@ -1,5 +1,5 @@
 //! The built binary as a stranger uses it: exit codes, messages, files. Oracle: the command line's contract (DESIGN §8).
-//! All deterministic. Tests that render need `scenes/cornell-box` and say so when it is absent.
+//! All deterministic.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -43,13 +43,8 @@ fn keys(value: &serde_json::Value) -> Vec<String> {
 }
 
 /// The scene that the rendering tests use.
-fn cornell_box() -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box/scene.gltf");
-    if !path.is_file() {
-        eprintln!("skipped: {} is absent", path.display());
-        return None;
-    }
-    Some(path)
+fn cornell_box() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box/scene.gltf")
 }
 
 /// An EXR of `width × height` pixels of grey `value`, except the first pixel, which is `first`.
@@ -115,7 +110,7 @@ fn help_and_version_go_to_stdout() {
 
 #[test]
 fn usage_errors_exit_2_and_name_the_option() {
-    let cases: [(&[&str], &str); 16] = [
+    let cases: [(&[&str], &str); 23] = [
         (&[], "Usage"),
         (&["paint"], "paint"),
         (&["render"], "SCENE"),
@@ -132,12 +127,45 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--exposure", "1"], "--exposure"),
         (&["render", "a.gltf", "-o", "a.exr", "--aperture-radius", "0.1"], "--focus-distance"),
         (&["render", "a.gltf", "-o", "a.exr", "--env-rotation", "90"], "--env"),
+        (&["render", "a.gltf", "-o", "a.exr", "--aperture-radius", "-1", "--focus-distance", "1"], "--aperture-radius"),
+        (&["render", "a.gltf", "-o", "a.exr", "--stats", "a.gltf"], "--stats"),
+        (&["render", "a.gltf", "-o", "a.png", "--png", "./a.png"], "two outputs"),
+        (&["render", "a.gltf", "-o", "a.exr", "--isa", "mmx"], "sse4.2"),
+        (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "obvhs"], "--isa: backend 'obvhs'"),
+        (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "brute"], "--isa: backend 'brute'"),
+        (&["info", "a.gltf", "--env-intensity", "2"], "--env"),
     ];
     for (args, word) in cases {
         let output = run(2, args);
         assert!(err(&output).contains(word), "{args:?}: {word} is missing in: {}", err(&output));
         assert!(out(&output).is_empty(), "{args:?}: {}", out(&output));
     }
+}
+
+/// What only the scene can tell to be wrong, and what would destroy an input or exhaust the memory.
+#[test]
+fn hostile_renders_are_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (exr, env) = (folder.path().join("a.exr"), folder.path().join("env.exr"));
+    write_grey(&env, (4, 2), 1.0, 1.0);
+    let before = std::fs::read(&env).expect("just written");
+    let same = folder.path().join("./env.exr");
+    let (exr, env, same) = (text(&exr), text(&env), text(&same));
+    let cases: [(&str, &[&str], &str); 6] = [
+        (exr, &["--camera", "nosuch"], "--camera"),
+        (exr, &["--camera", "7"], "--camera"),
+        (exr, &["--width", "16", "--crop", "8x8+12+0"], "--crop"),
+        (exr, &["--width", "65536"], "--width"),
+        (env, &["--env", env], "--output"),
+        (same, &["--env", env], "--output"),
+    ];
+    for (output, more, word) in cases {
+        let scene = cornell_box();
+        let output = run(2, &[&["render", text(&scene), "-o", output], more].concat());
+        assert!(err(&output).contains(word) && err(&output).lines().count() == 1, "{more:?}: {}", err(&output));
+    }
+    assert_eq!(std::fs::read(env).expect("still there"), before);
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1);
 }
 
 #[test]
@@ -155,6 +183,12 @@ fn missing_files_and_folders_exit_1_and_are_named() {
 
     let output = run(1, &["info", "no-such-scene.glb"]);
     assert!(err(&output).contains("no-such-scene.glb") && err(&output).lines().count() == 1, "{}", err(&output));
+    assert_eq!(err(&output).matches("os error 2").count(), 1, "the cause is said once: {}", err(&output));
+
+    let picture_folder = folder.path().join("folder.exr");
+    std::fs::create_dir(&picture_folder).expect("a writable folder");
+    let output = run(1, &["render", "no-such-scene.gltf", "-o", text(&picture_folder)]);
+    assert!(err(&output).contains("folder.exr: cannot write: it is a folder\n"), "{}", err(&output));
 
     let output = run(1, &["render", "no-such-scene.gltf", "-o", text(&picture), "--progress", "ndjson"]);
     let line = json(&output.stdout);
@@ -199,9 +233,6 @@ fn compare_has_the_exit_codes_of_idiff() {
 
 #[test]
 fn doctor_says_what_is_there_and_what_to_install() {
-    if cornell_box().is_none() {
-        return;
-    }
     let text = out(&run(0, &["doctor"]));
     for word in ["embree", "obvhs", "brute", "threads", "features", "libembree-dev", "ready to render"] {
         assert!(text.contains(word), "{word} is missing in:\n{text}");
@@ -210,19 +241,27 @@ fn doctor_says_what_is_there_and_what_to_install() {
 
 #[test]
 fn info_prints_the_plan_as_json_with_the_contracted_keys() {
-    let Some(scene) = cornell_box() else { return };
+    let scene = cornell_box();
     let record = json(&run(0, &["info", text(&scene), "--json"]).stdout);
     assert_eq!(keys(&record)[..6], ["scene", "effects", "stages", "rays", "wave", "bias"]);
     assert_eq!(keys(&record["effects"]), ["found", "simulated", "ignored"]);
     assert_eq!(keys(&record["rays"]), ["camera", "bounce", "shadow"]);
     assert!(record["scene"]["triangles"].as_u64().is_some_and(|n| n > 30), "{record}");
+    // An environment is one more light.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let env = folder.path().join("env.exr");
+    write_grey(&env, (4, 2), 1.0, 1.0);
+    let more = ["info", text(&scene), "--json", "--env", text(&env), "--env-rotation", "-90", "--env-intensity", "2"];
+    let lit = json(&run(0, &more).stdout);
+    let lights = |record: &serde_json::Value| record["scene"]["lights"].as_u64().expect("a count");
+    assert_eq!(lights(&lit), lights(&record) + 1, "{lit}");
     let plain = out(&run(0, &["info", text(&scene)]));
     assert!(plain.contains("stages") && plain.contains("triangles"), "{plain}");
 }
 
 #[test]
 fn a_render_writes_picture_preview_and_statistics() {
-    let Some(scene) = cornell_box() else { return };
+    let scene = cornell_box();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| folder.path().join(name);
     let (exr, png, stats) = (path("a.exr"), path("a.png"), path("a.json"));
@@ -271,7 +310,7 @@ fn a_render_writes_picture_preview_and_statistics() {
 
 #[test]
 fn a_missed_error_target_exits_3_and_still_writes() {
-    let Some(scene) = cornell_box() else { return };
+    let scene = cornell_box();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let exr = folder.path().join("a.exr");
     let args = ["render", text(&scene), "-o", text(&exr), "--width", "16", "--spp", "4", "--error", "0.001%"];
@@ -283,7 +322,7 @@ fn a_missed_error_target_exits_3_and_still_writes() {
 
 #[test]
 fn progress_is_lines_or_objects_as_asked() {
-    let Some(scene) = cornell_box() else { return };
+    let scene = cornell_box();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let exr = folder.path().join("a.exr");
     let common = ["render", text(&scene), "-o", text(&exr), "--width", "16", "--spp", "4"];
@@ -296,7 +335,17 @@ fn progress_is_lines_or_objects_as_asked() {
     assert_eq!(types.last(), Some(&"completed"), "{ndjson}");
     assert_eq!(keys(&lines[0]), ["type", "t", "spp", "pct", "err", "target", "eta", "mrays"]);
 
-    assert!(err(&with(&["--progress", "plain"])).contains("100 %"));
+    // The line of 100 % is that of the finished film, and there is one.
+    let done: Vec<_> = lines.iter().filter(|line| line["pct"].as_f64() == Some(100.0)).collect();
+    assert_eq!((done.len(), done[0]["spp"].as_u64()), (1, Some(4)), "{ndjson}");
+
+    let plain = err(&with(&["--progress", "plain"]));
+    let percents: Vec<_> = plain.lines().filter_map(|line| line.split_once(" %  ")).collect();
+    assert!(percents.iter().filter(|(percent, _)| *percent == "100").count() == 1, "{plain}");
+    assert!(percents.last().is_some_and(|(percent, facts)| *percent == "100" && facts.contains(" 4 spp")), "{plain}");
+    let tens = percents.iter().map(|(percent, _)| percent.trim().parse::<u32>().expect("a number") / 10);
+    assert_eq!(tens.collect::<std::collections::BTreeSet<_>>().len(), percents.len(), "{plain}");
+    assert!(plain.contains(" 1.02 k paths"), "{plain}");
     assert!(err(&with(&["--progress", "tty"])).contains('\x1b'));
     // Not a terminal: no control sequences, and quiet means silent.
     assert!(!err(&with(&[])).contains('\x1b'));
@@ -306,7 +355,7 @@ fn progress_is_lines_or_objects_as_asked() {
 
 #[test]
 fn a_signal_writes_what_was_rendered() {
-    let Some(scene) = cornell_box() else { return };
+    let scene = cornell_box();
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
         let exr = folder.path().join(format!("{signal}.exr"));
@@ -329,6 +378,6 @@ fn a_signal_writes_what_was_rendered() {
         std::io::Read::read_to_string(&mut reader, &mut line).expect("text");
         assert_eq!(child.wait().expect("it ends").code(), Some(code));
         assert!(read_exr(&exr).expect("written on the signal").rgb.iter().flatten().any(|v| *v > 0.0));
-        assert!(line.contains(r#""stop":"signal""#), "{line}");
+        assert!(line.contains(r#""stop":"signal""#) && !line.contains(r#""pct":100.0"#), "{line}");
     }
 }
