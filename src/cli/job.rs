@@ -21,6 +21,9 @@ const DEFAULT_WIDTH: u32 = 1280;
 /// Pixels of the largest window that is rendered; what `compare` reads.
 const MOST_PIXELS: u64 = 1 << 28;
 
+/// Bytes of a pixel outside the film, at most: its place in a tile, and eleven channels of f32 while an EXR is written.
+const PIXEL_OVERHEAD: u64 = 8 + 11 * 4;
+
 /// Aspect of a picture for which nothing names one.
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 
@@ -56,6 +59,9 @@ impl Outputs {
         }
         if outputs.exr.is_none() && !args.aov.is_empty() {
             return refuse("--aov", "extra channels need an output that ends in .exr".into());
+        }
+        if let Some(aov) = args.aov.iter().enumerate().find_map(|(i, aov)| args.aov[..i].contains(aov).then_some(aov)) {
+            return refuse("--aov", format!("'{}' is named twice", aov.name()));
         }
         if outputs.pngs.is_empty() && args.exposure != 0.0 {
             return refuse("--exposure", "it applies to PNG previews only: add --png FILE.png".into());
@@ -120,11 +126,11 @@ pub fn check_memory(options: &RenderOptions) -> Result<()> {
     if pixels > MOST_PIXELS {
         return refuse("--width", format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
     }
-    let bytes = pixels * size_of::<Pixel>() as u64;
-    let fits = usize::try_from(bytes).is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok());
-    if !fits {
-        let mib = bytes >> 20;
-        return refuse("--width", format!("{width}x{height} pixels need {mib} MiB, more than there is (use --crop)"));
+    let bytes = pixels * (size_of::<Pixel>() as u64 + PIXEL_OVERHEAD);
+    if let Some(available) = available_memory().filter(|available| bytes > *available) {
+        let (needed, available) = (bytes >> 20, available >> 20);
+        let problem = format!("{width}x{height} pixels need {needed} MiB, {available} MiB are available (use --crop)");
+        return refuse("--width", problem);
     }
     Ok(())
 }
@@ -261,6 +267,16 @@ pub fn default_threads() -> usize {
     let available = std::thread::available_parallelism().map_or(1, |n| n.get());
     let granted = std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok());
     granted.map_or(available, |granted| available.min(granted.max(1)))
+}
+
+/// Bytes that the process may still take: what Linux calls available, within the limit of the control group; `None`
+/// where the system does not say. An allocation that succeeds says nothing, because Linux promises more than it has.
+fn available_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
+    let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|max| max.trim().parse().ok());
+    Some(kib.saturating_mul(1024).min(limit.unwrap_or(u64::MAX)))
 }
 
 fn extension(path: &Path) -> Option<String> {

@@ -110,7 +110,7 @@ fn help_and_version_go_to_stdout() {
 
 #[test]
 fn usage_errors_exit_2_and_name_the_option() {
-    let cases: [(&[&str], &str); 23] = [
+    let cases: [(&[&str], &str); 24] = [
         (&[], "Usage"),
         (&["paint"], "paint"),
         (&["render"], "SCENE"),
@@ -124,6 +124,7 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"], "blackman-harris"),
         (&["render", "a.gltf", "-o", "a.exr", "--aov", "albedo"], "variance"),
         (&["render", "a.gltf", "-o", "a.png", "--aov", "spp"], "--aov"),
+        (&["render", "a.gltf", "-o", "a.exr", "--aov", "spp,stderr,spp"], "--aov: 'spp'"),
         (&["render", "a.gltf", "-o", "a.exr", "--exposure", "1"], "--exposure"),
         (&["render", "a.gltf", "-o", "a.exr", "--aperture-radius", "0.1"], "--focus-distance"),
         (&["render", "a.gltf", "-o", "a.exr", "--env-rotation", "90"], "--env"),
