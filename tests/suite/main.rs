@@ -3,6 +3,7 @@
 mod agreement;
 mod bsdf;
 mod camera;
+mod chi2;
 mod cli;
 mod common;
 mod conformance;
