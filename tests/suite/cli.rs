@@ -136,8 +136,11 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "brute"], "--isa: backend 'brute'"),
         (&["info", "a.gltf", "--env-intensity", "2"], "--env"),
     ];
+    // Outputs are named without a folder: run where they could be written.
+    let folder = tempfile::tempdir().expect("a temporary folder");
     for (args, word) in cases {
-        let output = run(2, args);
+        let output = pathspace(args).current_dir(folder.path()).output().expect("the binary starts");
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", err(&output));
         assert!(err(&output).contains(word), "{args:?}: {word} is missing in: {}", err(&output));
         assert!(out(&output).is_empty(), "{args:?}: {}", out(&output));
     }
