@@ -82,6 +82,8 @@ pub struct RenderPlan {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex at which roulette may end a path; 1 is the first surface.
+    pub roulette_start: u32,
     /// How the two samplings are combined.
     pub strategy: Strategy,
     /// Random numbers.
@@ -168,6 +170,7 @@ impl RenderPlan {
             threads: resolve_threads(options.threads),
             max_depth: options.max_depth,
             roulette: options.roulette,
+            roulette_start: options.roulette_start,
             strategy: options.strategy,
             sampler: options.sampler,
             backend,

@@ -116,6 +116,8 @@ pub struct RenderOptions {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex at which roulette may end a path; 1 is the first surface.
+    pub roulette_start: u32,
     /// MIS or one of the single strategies.
     pub strategy: Strategy,
     /// Where the random numbers come from.
@@ -147,6 +149,7 @@ impl Default for RenderOptions {
             filter: FilterKind::BlackmanHarris,
             max_depth: 64,
             roulette: Roulette::On,
+            roulette_start: 1,
             strategy: Strategy::MisPower,
             sampler: SamplerKind::Sobol,
             backend: None,
