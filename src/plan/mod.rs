@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::backend::{BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
+use crate::math::isa;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 pub use effects::{Effects, Features, Ignored};
@@ -94,6 +95,8 @@ pub struct RenderPlan {
     pub rays: RayModes,
     /// Instruction set to pin.
     pub isa: Option<String>,
+    /// Whether shading runs in AVX-512: the processor has it and no narrower instruction set is pinned.
+    pub avx512: bool,
     /// Paths of one wave.
     pub wave: usize,
     /// The gates that the stages read.
@@ -176,6 +179,7 @@ impl RenderPlan {
             backend,
             rays,
             isa: options.isa.clone(),
+            avx512: options.isa.as_deref().is_none_or(|name| name == "avx512") && isa::has_avx512(),
             wave: WAVE,
             stages: stages(&features, options),
             features,

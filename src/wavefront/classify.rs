@@ -7,6 +7,7 @@ use crate::backend::batch::{INVALID_ID, LANES};
 
 /// Adds the environment to the lanes that missed and fills the queues with those that hit. `edge` counts the edges of
 /// the path up to here (1: camera ray).
+#[inline(always)]
 pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
     for queue in &mut wave.queues {
         queue.clear();

@@ -76,6 +76,7 @@ struct LightBlock {
 }
 
 /// Shades every lane of `queue`. Returns how many paths the depth limit ended.
+#[inline(always)]
 pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u32) -> u64 {
     let mut capped = 0;
     for lanes in queue.chunks(LANES) {

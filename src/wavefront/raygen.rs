@@ -30,6 +30,7 @@ impl Chunk<'_> {
 }
 
 /// Fills `wave.current` with the camera rays of `chunk` and resets what the samples gather.
+#[inline(always)]
 pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
     wave.current.len = 0;
     for slot in 0..chunk.len() {
