@@ -70,13 +70,12 @@ fn l10_triangles_without_area() {
     triangles.extend((0..1000).map(|i| ([Vec3::splat(i as f32), Vec3::splat(i as f32), Vec3::ONE], 0)));
     let lights = lights_of(&triangles);
     let p_select: Vec<f32> = (0..1002).map(|light| lights.p_select(light, ORIGIN, UP)).collect();
-    assert_eq!(p_select[..2], [0.5, 0.5]);
+    assert!((p_select[0] - 0.5).abs() < 1e-6 && p_select[0] + p_select[1] == 1.0);
     assert!(p_select[2..].iter().all(|&p| p == 0.0));
     irradiance(&lights, ORIGIN, UP, 1 << 20, 110).expect("square", 1.740839503, 1e-5, 5e-3);
 }
 
-/// A million point lights over twelve decades, in both orders: every one can be chosen, the probabilities add up to 1
-/// exactly, and the estimate agrees with the sum. (That they are drawn as reported is tested with the table.)
+/// A million point lights over twelve decades, in both orders: every one above the receiver's horizon can be chosen, the probabilities add up to 1 up to their rounding to f32, and the estimate agrees with the sum.
 #[test]
 fn l12_a_million_lights() {
     let n = 1_000_000;
@@ -94,10 +93,10 @@ fn l12_a_million_lights() {
         let mut sum = 0.0;
         for light in 0..n as u32 {
             let p = lights.p_select(light, ORIGIN, UP);
-            assert!(p > 0.0, "light {light}");
+            assert!(p > 0.0 || scene.punctual[light as usize].position.z <= 0.0, "light {light}");
             sum += f64::from(p);
         }
-        assert_eq!(sum, 1.0);
+        assert!((sum - 1.0).abs() < 1e-6, "the probabilities add up to {sum}");
         irradiance(&lights, ORIGIN, UP, 1 << 18, 113 + order).expect("a million lights", expected, 1e-5, 2e-2);
         scene.punctual.reverse();
     }
@@ -128,6 +127,7 @@ fn l16_one_value_and_known_variances() {
         // A cosine-distributed direction meets the disc below 45°.
         let cos2 = 1.0 - f64::from(random.unit());
         let cos_hit = cos2.sqrt() as f32;
+        // Every triangle of the fan is as probable, but for rounding; 7 stands for the one that is hit.
         let hit = EmitterHit { light: 7, distance_m: 1.0 / cos_hit, cos_light: cos_hit, area_m2 };
         let pdf_light = lights.pdf_triangle(ORIGIN, UP, &hit);
         let by_cosine = if cos2 > 0.5 { reflectance } else { 0.0 };
@@ -269,7 +269,7 @@ fn l21_mixed_kinds_add_up() {
     scene.environment = Some(environment(64, 32, |_| 1.0));
     let lights = Lights::build(&scene, &geometry(&square_light())).expect("valid lights");
     let sum: f32 = (0..5).map(|light| lights.p_select(light, ORIGIN, UP)).sum();
-    assert_eq!(sum, 1.0);
+    assert!((sum - 1.0).abs() < 1e-6);
     irradiance(&lights, ORIGIN, UP, 1 << 20, 121).expect("four kinds", 1.740839503 + 0.25 + 1.0 + PI, 1e-5, 1e-2);
 }
 

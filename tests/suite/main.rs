@@ -17,6 +17,7 @@ mod meter;
 mod readme;
 mod reference;
 mod sampling;
+mod selection;
 mod spawn;
 mod textures;
 mod transport;

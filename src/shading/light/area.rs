@@ -5,10 +5,11 @@
 //! over the floor and most of the walls of the Cornell box, 0.4 beside its lamp); MIS covers that, so spherical triangles
 //! are not sampled by solid angle.
 
-use std::f64::consts::PI;
+use std::f64::consts::FRAC_PI_2;
 
 use glam::Vec3;
 
+use super::grow::Emitter;
 use super::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
 use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::material::Material;
@@ -20,7 +21,7 @@ pub struct Emission {
     /// Radiance of the front side; to be multiplied by the texture where there is one.
     radiance: Vec3,
     textured: bool,
-    /// Mean over channels and over the texture: what the power of a triangle is computed from.
+    /// Mean over channels and over the texture: what the intensity of a triangle is computed from.
     mean: f64,
 }
 
@@ -102,9 +103,17 @@ impl TriangleLight {
         TriangleLight { v0, e1, e2, n_g, area_m2: triangle.area(), error: triangle.error, triangle: index, material }
     }
 
-    /// Power of the front side, W. 0 for a triangle without area.
-    pub fn power(&self, emissions: &[Emission]) -> f64 {
-        PI * f64::from(self.area_m2) * emissions[self.material as usize].mean
+    /// What the choice of a light has to know. The intensity is 0 for a triangle without area.
+    pub fn emitter(&self, light: u32, emissions: &[Emission]) -> Emitter {
+        let (v0, e1, e2) = (Vec3::from(self.v0), Vec3::from(self.e1), Vec3::from(self.e2));
+        Emitter {
+            light,
+            corners: [v0, v0 + e1, v0 + e2],
+            axis: Vec3::from(self.n_g),
+            spread: 0.0,
+            reach: FRAC_PI_2,
+            intensity: f64::from(self.area_m2) * emissions[self.material as usize].mean,
+        }
     }
 
     /// A point for the receiver `p`; `None` if that is behind the triangle or in its plane.

@@ -14,12 +14,14 @@ use crate::scene::geometry::Geometry;
 
 pub mod area;
 pub mod environment;
+pub mod grow;
 pub mod punctual;
 pub mod select;
+pub mod tree;
 
 use area::{Emission, TriangleLight};
 use environment::EnvironmentLight;
-use select::Selector;
+use select::{Distant, Selection, Selector};
 
 /// A point on a light, drawn for a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,19 +120,31 @@ impl Lights {
             .collect::<Result<Vec<_>>>()?;
         let environment = scene.environment.as_ref().map(EnvironmentLight::new).transpose()?.flatten();
 
-        // Power in watts, the same measure for every kind.
-        let radius_m = bounding_radius(geometry);
-        let mut powers = Vec::with_capacity(triangles.len() + punctual.len() + 1);
-        powers.extend(triangles.iter().map(|light| light.power(&emissions)));
-        powers.extend(punctual.iter().map(|light| light.power(radius_m)));
-        powers.extend(environment.iter().map(|light| light.power(radius_m)));
-        let selector = Selector::new(&powers).map_err(|error| match error {
-            TableError::Invalid { index, weight } if index < triangles.len() => invalid(
-                format!("/materials/{}", triangles[index].material),
-                format!("an emissive triangle has the power {weight} W, expected finite and >= 0"),
-            ),
-            error => invalid("/".into(), format!("lights: {error}")),
-        })?;
+        // What is black is left out; the rest is weighed by intensity (finite distances) or irradiance (infinity).
+        let mut near = Vec::new();
+        let mut distant = Vec::new();
+        let total = triangles.len() + punctual.len() + usize::from(environment.is_some());
+        let too_bright = |intensity: f64| format!("an intensity of {intensity} W/sr, expected finite and >= 0");
+        for (number, light) in triangles.iter().enumerate() {
+            let emitter = light.emitter(number as u32, &emissions);
+            if !emitter.intensity.is_finite() {
+                let pointer = format!("/materials/{}", light.material);
+                return Err(invalid(pointer, format!("an emissive triangle has {}", too_bright(emitter.intensity))));
+            }
+            near.extend((emitter.intensity > 0.0).then_some(emitter));
+        }
+        for (number, light) in (triangles.len() as u32..).zip(&punctual) {
+            match light.emitter(number) {
+                Some(emitter) => near.extend((emitter.intensity > 0.0).then_some(emitter)),
+                None => distant.push(Distant { light: number, irradiance: light.irradiance() }),
+            }
+        }
+        if let Some(light) = &environment {
+            distant.push(Distant { light: total as u32 - 1, irradiance: light.irradiance() });
+        }
+        distant.retain(|light| light.irradiance > 0.0);
+        let selector = Selector::new(near, &distant, total)
+            .map_err(|error: TableError| invalid("/".into(), format!("lights: {error}")))?;
         Ok(Lights { triangles, emissions, punctual, environment, selector })
     }
 
@@ -155,7 +169,12 @@ impl Lights {
 
     /// Whether no light can be sampled: there is none, or all are black.
     pub fn is_dark(&self) -> bool {
-        self.selector.is_dark()
+        self.selection() == Selection::Dark
+    }
+
+    /// How a light is chosen. Only [`Selection::Receiver`] looks at the receiver.
+    pub fn selection(&self) -> Selection {
+        self.selector.selection()
     }
 
     /// Probability with which [`sample`](Self::sample) chooses the light of that number for a receiver; 0 if there
@@ -165,11 +184,11 @@ impl Lights {
         self.selector.p_select(light, p, n)
     }
 
-    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with normal `n`. `None` where
-    /// the chosen light cannot send anything there.
+    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with unit normal `n`, or n = 0
+    /// where light from both sides counts. `None` where the chosen light cannot send anything there.
     #[inline]
     pub fn sample(&self, p: Vec3, n: Vec3, u: [f32; 3]) -> Option<LightSample> {
-        let chosen = self.selector.select(p, n, u[0])?;
+        let chosen = self.selector.select(p, n, refined(u))?;
         let uv = [u[1], u[2]];
         let number = chosen.light as usize;
         let mut sample = if let Some(light) = self.triangles.get(number) {
@@ -217,12 +236,14 @@ impl Lights {
     }
 }
 
-/// Radius of the scene's bounding sphere, for the power of lights at infinity: finite and positive even where there is
-/// nothing (then every such light scales alike and the number does not matter).
-fn bounding_radius(geometry: &Geometry) -> f64 {
-    let (min, max) = geometry.bounds;
-    let radius = 0.5 * (max.as_dvec3() - min.as_dvec3()).length();
-    if min.cmple(max).all() && radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
+/// `u[0]` with the bits below its lattice of 2^-24 drawn from the other two numbers: among millions of lights most
+/// probabilities lie below one step.
+#[inline(always)]
+fn refined([u, v, w]: [f32; 3]) -> f64 {
+    let lattice = |x: f32| (x * (1 << 24) as f32) as i32 as u32;
+    let mixed = (lattice(v).wrapping_mul(0x9E37_79B1) ^ lattice(w)).wrapping_mul(0x85EB_CA6B);
+    const SCALE: f64 = 1.0 / (1u64 << 48) as f64;
+    f64::from(u) + f64::from(mixed >> 8) * SCALE
 }
 
 /// What a colour counts where one number is needed.
