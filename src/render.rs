@@ -153,6 +153,16 @@ impl<'a> Renderer<'a> {
         self.backend.info()
     }
 
+    /// The same, to be asked.
+    pub fn backend(&self) -> &dyn Backend {
+        self.backend.as_ref()
+    }
+
+    /// The flattened geometry that the backend was built over.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
     /// The camera that looks, with its matrices.
     pub fn camera(&self) -> &CameraRays {
         &self.camera
@@ -170,7 +180,17 @@ impl<'a> Renderer<'a> {
 
     /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
     /// finished and what there is is returned.
-    pub fn render_with(&self, mut progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+    pub fn render_with(&self, progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+        self.render_through(self.backend(), progress)
+    }
+
+    /// As [`render_with`](Self::render_with), with every ray handed to `backend`: the renderer's own, or one that stands
+    /// before it (a recorder) and gives the same answers.
+    pub fn render_through(
+        &self,
+        backend: &dyn Backend,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Render> {
         let limits = &self.plan.limits;
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
         let spp_limit = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
@@ -188,6 +208,7 @@ impl<'a> Renderer<'a> {
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
             let pass = Pass {
+                backend,
                 first_sample: done,
                 samples,
                 tiles: &tiles,
@@ -307,7 +328,7 @@ impl<'a> Renderer<'a> {
             scene: self.scene,
             geometry: &self.geometry,
             lights: &self.lights,
-            backend: self.backend.as_ref(),
+            backend: pass.backend,
             camera: &self.camera,
             filter: &self.filter,
             kinds: &self.kinds,
@@ -362,6 +383,7 @@ struct Tile {
 
 /// One pass: the same range of samples for every pixel.
 struct Pass<'p> {
+    backend: &'p dyn Backend,
     first_sample: u64,
     samples: u64,
     tiles: &'p [Tile],
