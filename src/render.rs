@@ -94,6 +94,9 @@ const ESTIMATE_INTERVAL: Duration = Duration::from_secs(1);
 /// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
 const PASS_SECONDS: f64 = 0.4;
 
+/// How often the callback is called during a pass.
+const REPORT_INTERVAL: Duration = Duration::from_millis(100);
+
 /// A scene made ready: plan, acceleration structure, light tables.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -294,8 +297,14 @@ impl<'a> Renderer<'a> {
         let cancelled = AtomicBool::new(false);
         let finished = AtomicUsize::new(0);
         let rays = |pass: &Pass| pass.counters.lock().expect("no worker panicked").rays();
+        // The worker wakes this thread when it is done; until then it sleeps but for the reports.
+        let (done, reporter) = (AtomicBool::new(false), std::thread::current());
         std::thread::scope(|scope| {
-            let worker = scope.spawn(|| {
+            scope.spawn(|| {
+                let _wake = OnDrop(|| {
+                    done.store(true, Ordering::Release);
+                    reporter.unpark();
+                });
                 self.pool.install(|| {
                     pass.tiles.par_iter().for_each(|tile| {
                         if !cancelled.load(Ordering::Relaxed) {
@@ -303,12 +312,12 @@ impl<'a> Renderer<'a> {
                             finished.fetch_add(1, Ordering::Relaxed);
                         }
                     });
-                })
+                });
             });
             let mut reported = Instant::now();
-            while !worker.is_finished() {
-                std::thread::park_timeout(Duration::from_millis(2));
-                if reported.elapsed() > Duration::from_millis(100) {
+            while !done.load(Ordering::Acquire) {
+                std::thread::park_timeout(REPORT_INTERVAL.saturating_sub(reported.elapsed()));
+                if reported.elapsed() >= REPORT_INTERVAL {
                     reported = Instant::now();
                     if report(finished.load(Ordering::Relaxed), rays(pass)).is_break() {
                         cancelled.store(true, Ordering::Relaxed);
@@ -328,7 +337,7 @@ impl<'a> Renderer<'a> {
             scene: self.scene,
             geometry: &self.geometry,
             lights: &self.lights,
-            backend: pass.backend,
+            backend: self.backend.as_ref(),
             camera: &self.camera,
             filter: &self.filter,
             kinds: &self.kinds,
@@ -347,6 +356,7 @@ impl<'a> Renderer<'a> {
             let film = pass.film.lock().expect("no worker panicked");
             tile.pixels.iter().map(|p| film.pixels[place(p)]).collect()
         };
+        let context = Context { backend: pass.backend, ..context };
         let mut counters = Counters::default();
         let per_chunk = (wave.capacity() / pass.samples as usize).max(1);
         for (part, sums) in tile.pixels.chunks(per_chunk).zip(pixels.chunks_mut(per_chunk)) {
@@ -370,6 +380,15 @@ impl<'a> Renderer<'a> {
         }
         pass.counters.lock().expect("no worker panicked").merge(&counters);
         pass.waves.lock().expect("no worker panicked").push(wave);
+    }
+}
+
+/// Runs when it goes out of scope, after a panic as well.
+struct OnDrop<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
     }
 }
 

@@ -10,6 +10,7 @@
 pub mod agree;
 pub mod chart;
 pub mod frame;
+pub mod playback;
 pub mod rates;
 pub mod record;
 pub mod replay;
