@@ -94,6 +94,9 @@ const ESTIMATE_INTERVAL: Duration = Duration::from_secs(1);
 /// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
 const PASS_SECONDS: f64 = 0.4;
 
+/// How often the callback is called during a pass.
+const REPORT_INTERVAL: Duration = Duration::from_millis(100);
+
 /// A scene made ready: plan, acceleration structure, light tables.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -153,6 +156,16 @@ impl<'a> Renderer<'a> {
         self.backend.info()
     }
 
+    /// The same, to be asked.
+    pub fn backend(&self) -> &dyn Backend {
+        self.backend.as_ref()
+    }
+
+    /// The flattened geometry that the backend was built over.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
     /// The camera that looks, with its matrices.
     pub fn camera(&self) -> &CameraRays {
         &self.camera
@@ -170,7 +183,17 @@ impl<'a> Renderer<'a> {
 
     /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
     /// finished and what there is is returned.
-    pub fn render_with(&self, mut progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+    pub fn render_with(&self, progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+        self.render_through(self.backend(), progress)
+    }
+
+    /// As [`render_with`](Self::render_with), with every ray handed to `backend`: the renderer's own, or one that stands
+    /// before it (a recorder) and gives the same answers.
+    pub fn render_through(
+        &self,
+        backend: &dyn Backend,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Render> {
         let limits = &self.plan.limits;
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
         let spp_limit = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
@@ -188,6 +211,7 @@ impl<'a> Renderer<'a> {
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
             let pass = Pass {
+                backend,
                 first_sample: done,
                 samples,
                 tiles: &tiles,
@@ -273,8 +297,14 @@ impl<'a> Renderer<'a> {
         let cancelled = AtomicBool::new(false);
         let finished = AtomicUsize::new(0);
         let rays = |pass: &Pass| pass.counters.lock().expect("no worker panicked").rays();
+        // The worker wakes this thread when it is done; until then it sleeps but for the reports.
+        let (done, reporter) = (AtomicBool::new(false), std::thread::current());
         std::thread::scope(|scope| {
-            let worker = scope.spawn(|| {
+            scope.spawn(|| {
+                let _wake = OnDrop(|| {
+                    done.store(true, Ordering::Release);
+                    reporter.unpark();
+                });
                 self.pool.install(|| {
                     pass.tiles.par_iter().for_each(|tile| {
                         if !cancelled.load(Ordering::Relaxed) {
@@ -282,12 +312,12 @@ impl<'a> Renderer<'a> {
                             finished.fetch_add(1, Ordering::Relaxed);
                         }
                     });
-                })
+                });
             });
             let mut reported = Instant::now();
-            while !worker.is_finished() {
-                std::thread::park_timeout(Duration::from_millis(2));
-                if reported.elapsed() > Duration::from_millis(100) {
+            while !done.load(Ordering::Acquire) {
+                std::thread::park_timeout(REPORT_INTERVAL.saturating_sub(reported.elapsed()));
+                if reported.elapsed() >= REPORT_INTERVAL {
                     reported = Instant::now();
                     if report(finished.load(Ordering::Relaxed), rays(pass)).is_break() {
                         cancelled.store(true, Ordering::Relaxed);
@@ -326,6 +356,7 @@ impl<'a> Renderer<'a> {
             let film = pass.film.lock().expect("no worker panicked");
             tile.pixels.iter().map(|p| film.pixels[place(p)]).collect()
         };
+        let context = Context { backend: pass.backend, ..context };
         let mut counters = Counters::default();
         let per_chunk = (wave.capacity() / pass.samples as usize).max(1);
         for (part, sums) in tile.pixels.chunks(per_chunk).zip(pixels.chunks_mut(per_chunk)) {
@@ -352,6 +383,15 @@ impl<'a> Renderer<'a> {
     }
 }
 
+/// Runs when it goes out of scope, after a panic as well.
+struct OnDrop<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
+
 /// Samples per pixel when no limit is given.
 pub const DEFAULT_SPP: u64 = 64;
 
@@ -362,6 +402,7 @@ struct Tile {
 
 /// One pass: the same range of samples for every pixel.
 struct Pass<'p> {
+    backend: &'p dyn Backend,
     first_sample: u64,
     samples: u64,
     tiles: &'p [Tile],

@@ -35,6 +35,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Compare two OpenEXR images: error metrics, and a verdict as an exit code
     Compare(CompareArgs),
+    /// Measure the ray backends on a scene's own rays: rates, build time, memory, agreement, and what a render makes of them
+    Bench(BenchArgs),
     /// Check what native parts this build and this machine have, and say what to install
     Doctor,
 }
@@ -205,6 +207,67 @@ pub struct CompareArgs {
     /// Warn where a channel differs by more than this
     #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
     pub warn: f32,
+}
+
+/// `bench`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+A frame is rendered once and its rays are kept; every backend and query mode then traces those rays: first against the \
+others (a mode that disagrees is an error), then against the clock, with one thread and with all.\n\
+Tracing efficiency = (time of the frame's rays traced bare, each class in its best mode) / (time of the render). Render \
+and replay alternate; the figure is the median over the pairs.\n\
+Example: pathspace bench scene.gltf -o rates.svg"
+)]
+pub struct BenchArgs {
+    /// Scene, .gltf or .glb
+    pub scene: PathBuf,
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+    /// Also draw a chart
+    #[arg(short, long, value_name = "CHART.svg", help_heading = "Output")]
+    pub output: Option<PathBuf>,
+    /// Print errors only, besides the result
+    #[arg(short, long, help_heading = "Output")]
+    pub quiet: bool,
+
+    /// Columns of the frame, pixels [default: as for render]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
+    pub width: Option<u32>,
+    /// Rows of the frame, pixels [default: as for render]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
+    pub height: Option<u32>,
+    /// Samples per pixel of the frame
+    #[arg(long, visible_alias = "samples", value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..), help_heading = "Frame")]
+    pub spp: u64,
+    /// Pairs of render and replay behind the tracing efficiency
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000), help_heading = "Frame")]
+    pub pairs: usize,
+    /// Camera by name, or by index from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Frame")]
+    pub camera: Option<String>,
+    /// Longest path in edges
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
+    pub max_depth: u32,
+    /// Seed of every random number
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Frame")]
+    pub seed: u64,
+
+    /// The environment.
+    #[command(flatten)]
+    pub environment: EnvironmentArgs,
+
+    /// Threads of the frame and of the second set of rates [default: as for render]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
+    pub threads: Option<u32>,
+    /// Backend that renders the frame and that the others are held to [default: the fastest of this build]
+    #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
+    pub backend: Option<BackendKind>,
+    /// Pin Embree's instruction set
+    #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
+    pub isa: Option<String>,
 }
 
 /// `on` or `off`.

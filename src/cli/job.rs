@@ -108,8 +108,16 @@ fn place(path: &Path) -> PathBuf {
 /// # Errors
 /// [`Error::Option`] naming the option.
 pub fn check(args: &RenderArgs) -> Result<()> {
-    let backend = args.backend.unwrap_or(BackendKind::available()[0]);
-    if args.isa.is_some() && backend != BackendKind::Embree {
+    check_isa(args.backend, args.isa.as_deref())
+}
+
+/// Refuses an instruction set that the backend cannot pin.
+///
+/// # Errors
+/// [`Error::Option`] naming the option.
+pub fn check_isa(backend: Option<BackendKind>, isa: Option<&str>) -> Result<()> {
+    let backend = backend.unwrap_or(BackendKind::available()[0]);
+    if isa.is_some() && backend != BackendKind::Embree {
         let name = backend.name();
         return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
     }
@@ -226,7 +234,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
 }
 
 /// A camera by name, else by index, else the first. Whether it exists is for the plan to say.
-fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
+pub fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
     match text {
         None => CameraChoice::First,
         Some(name) if scene.cameras.iter().any(|camera| camera.name == name) => CameraChoice::Name(name.into()),
@@ -235,7 +243,7 @@ fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
 }
 
 /// The camera that a choice means, if the scene has it.
-fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
+pub fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
     match choice {
         CameraChoice::First => scene.cameras.first(),
         CameraChoice::Index(index) => scene.cameras.get(*index),

@@ -3,6 +3,7 @@
 //! else goes to stderr. Nothing here computes light.
 
 pub mod args;
+pub mod bench;
 pub mod compare;
 pub mod doctor;
 pub mod info;
@@ -34,6 +35,7 @@ pub fn run(cli: &Cli) -> Result<u8> {
         Command::Render(args) => render::run(args),
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Bench(args) => bench::run(args),
         Command::Doctor => doctor::run(),
     }
 }

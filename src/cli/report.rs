@@ -132,7 +132,7 @@ pub fn count(n: u64) -> String {
 }
 
 /// A number of bytes: "12.3 MB", "999 B".
-fn bytes(n: u64) -> String {
+pub fn bytes(n: u64) -> String {
     let space = if n < 1000 { " " } else { "" };
     format!("{}{space}B", count(n))
 }
