@@ -82,6 +82,8 @@ pub struct RenderPlan {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex at which it may end a path; read by both shading kernels.
+    pub roulette_start: u32,
     /// How the two samplings are combined.
     pub strategy: Strategy,
     /// Random numbers.
@@ -92,6 +94,8 @@ pub struct RenderPlan {
     pub rays: RayModes,
     /// Instruction set to pin.
     pub isa: Option<String>,
+    /// Robust traversal.
+    pub robust: bool,
     /// Paths of one wave.
     pub wave: usize,
     /// The gates that the stages read.
@@ -151,7 +155,10 @@ impl RenderPlan {
             bounce: mode(QueryMode::Packet16),
             shadow: mode(QueryMode::Packet16),
         };
-        let what = format!("max-depth {}", options.max_depth);
+        let mut bias = vec![Bias { what: format!("max-depth {}", options.max_depth), energy_removed: None }];
+        if !options.robust {
+            bias.push(Bias { what: "robust off".into(), energy_removed: None });
+        }
         Ok(RenderPlan {
             resolution,
             window: resolve_window(resolution, options.crop)?,
@@ -168,16 +175,18 @@ impl RenderPlan {
             threads: resolve_threads(options.threads),
             max_depth: options.max_depth,
             roulette: options.roulette,
+            roulette_start: options.roulette_start,
             strategy: options.strategy,
             sampler: options.sampler,
             backend,
             rays,
             isa: options.isa.clone(),
+            robust: options.robust,
             wave: WAVE,
             stages: stages(&features, options),
             features,
             effects,
-            bias: vec![Bias { what, energy_removed: None }],
+            bias,
         })
     }
 
@@ -187,7 +196,7 @@ impl RenderPlan {
             incoherent: self.rays.bounce,
             coherent: self.rays.camera,
             shadow: self.rays.shadow,
-            robust: true,
+            robust: self.robust,
             isa: self.isa.clone(),
             build_threads: self.threads,
         }

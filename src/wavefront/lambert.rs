@@ -185,7 +185,7 @@ impl Block {
         let mut q = [1.0; LANES];
         match context.plan.roulette {
             Roulette::Off => {}
-            Roulette::On if edge < roulette::FIRST_VERTEX => {}
+            Roulette::On if edge < context.plan.roulette_start => {}
             Roulette::On => {
                 for i in 0..LANES {
                     q[i] = roulette::survival_from(get(&self.beta, i), self.eta_scale[i]);

@@ -85,7 +85,7 @@ fn shade_lane<S: Scheme>(
     let u_light = S::sample_4d(path.index, path.seed, dims::light(edge));
     let survival = match plan.roulette {
         Roulette::Off => 1.0,
-        Roulette::On => roulette::survival(path.beta, path.eta_scale, edge),
+        Roulette::On => roulette::survival(path.beta, path.eta_scale, edge, plan.roulette_start),
         Roulette::Constant(q) => roulette::on_lattice(q),
     };
     if survival < 1.0 {
