@@ -36,6 +36,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Compare two OpenEXR images: error metrics, and a verdict as an exit code
     Compare(CompareArgs),
+    /// Measure what accuracy costs in time: a price list, techniques, and the bias of what trades accuracy for time
+    Accuracy(Box<AccuracyArgs>),
     /// Check what native parts this build and this machine have, and say what to install
     Doctor,
 }
@@ -223,6 +225,43 @@ pub struct CompareArgs {
     /// Warn where a channel differs by more than this
     #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
     pub warn: f32,
+}
+
+/// `accuracy`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+Prints on stdout: the price list (errors of 10, 5, 2, 1 and 0.5 %: predicted samples and seconds with intervals, and what runs \
+of that many samples took, as far as the budget goes); techniques (error, slope of error against samples, time a sample, \
+efficiency against the default); knobs (bias and time saved); what each path length carries. All options of the picture and of \
+light transport are those of `render` and make the default setting.\n\
+The picture is small unless --width says otherwise (about 4900 pixels), so that a minute says something: samples for an error \
+hardly depend on the size, seconds grow with the pixels.\n\
+Example: pathspace accuracy scene.gltf --budget 2m -o report"
+)]
+pub struct AccuracyArgs {
+    /// Scene, .gltf or .glb
+    pub scene: PathBuf,
+    /// Wall time for everything: 60s, 10m
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = units::duration)]
+    pub budget: Duration,
+    /// Picture that stands for the truth, OpenEXR, of the same size or (with --filter box) a whole multiple [default: long runs with
+    /// other seeds]
+    #[arg(long, value_name = "REF.exr")]
+    pub reference: Option<PathBuf>,
+    /// Folder for report.html, report.json and report.csv; made if missing [default: no files]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Every combination of strategy, sampler, roulette and backend instead of one change at a time
+    #[arg(long)]
+    pub full: bool,
+    /// Print no progress and no warnings
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// What is looked at, and how.
+    #[command(flatten)]
+    pub settings: SettingsArgs,
 }
 
 /// `on` or `off`.

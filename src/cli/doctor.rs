@@ -114,7 +114,7 @@ fn cpu() -> Cpu {
     Cpu { name: cpu_name(), features: vec![] }
 }
 
-fn cpu_name() -> String {
+pub(super) fn cpu_name() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or_else(|| std::env::consts::ARCH.to_string(), |(_, name)| name.trim().to_string())
