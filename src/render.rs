@@ -146,6 +146,23 @@ impl<'a> Renderer<'a> {
         })
     }
 
+    /// Takes other options for the renders to come. Nothing is built again, so backend, traversal and ray modes must stay
+    /// what they are.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and [`Error::Option`] for options that need another backend.
+    pub fn retarget(&mut self, options: &RenderOptions) -> Result<()> {
+        let plan = RenderPlan::new(self.scene, &self.geometry, options)?;
+        if plan.backend != self.plan.backend || plan.backend_options() != self.plan.backend_options() {
+            let problem = "another backend, ray mode or number of threads needs a renderer of its own".into();
+            return Err(Error::Option { option: "--backend", problem });
+        }
+        self.camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        self.filter = FilterTable::new(plan.filter);
+        self.plan = plan;
+        Ok(())
+    }
+
     /// The resolved decisions.
     pub fn plan(&self) -> &RenderPlan {
         &self.plan

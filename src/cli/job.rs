@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, StrategyName, Switch};
+use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch};
 use crate::backend::BackendKind;
 use crate::error::{Error, Result};
 use crate::film::Pixel;
 use crate::film::atomic::check_writable;
+use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
 use crate::scene::{Camera, Environment, Projection, Scene, Warning};
@@ -60,6 +61,9 @@ impl Outputs {
         if outputs.exr.is_none() && !args.aov.is_empty() {
             return refuse("--aov", "extra channels need an output that ends in .exr".into());
         }
+        if outputs.exr.is_none() && args.half {
+            return refuse("--half", "it applies to OpenEXR only: the output must end in .exr".into());
+        }
         if let Some(aov) = args.aov.iter().enumerate().find_map(|(i, aov)| args.aov[..i].contains(aov).then_some(aov)) {
             return refuse("--aov", format!("'{}' is named twice", aov.name()));
         }
@@ -71,7 +75,7 @@ impl Outputs {
         {
             return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
         }
-        outputs.check_files([Some(&args.scene), args.environment.env.as_ref()])?;
+        outputs.check_files([Some(&args.scene), args.settings.environment.env.as_ref()])?;
         Ok(outputs)
     }
 
@@ -107,8 +111,17 @@ fn place(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Option`] naming the option.
-pub fn check(args: &RenderArgs) -> Result<()> {
-    check_isa(args.backend, args.isa.as_deref())
+pub fn check(args: &SettingsArgs) -> Result<()> {
+    check_isa(args.backend, args.isa.as_deref())?;
+    let backend = args.backend.unwrap_or(BackendKind::available()[0]);
+    if args.robust == Switch::Off && backend != BackendKind::Embree {
+        let name = backend.name();
+        return refuse("--robust", format!("backend '{name}' is always robust; only 'embree' can do without"));
+    }
+    if args.roulette == Switch::Off && args.roulette_start != ROULETTE_START {
+        return refuse("--roulette-start", "it has no effect with --roulette off".into());
+    }
+    Ok(())
 }
 
 /// Refuses an instruction set that the backend cannot pin.
@@ -193,16 +206,23 @@ pub fn has_light(scene: &Scene) -> bool {
 
 /// Options of the render, settled against the scene.
 pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
+    RenderOptions {
+        spp: args.spp,
+        time: args.time,
+        error: args.error,
+        min_spp: args.min_spp,
+        ..settings(&args.settings, scene)
+    }
+}
+
+/// What does not limit the render, settled against the scene.
+pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
     let camera = camera_choice(args.camera.as_deref(), scene);
     let size = picture_size(args.width, args.height, scene, camera_of(scene, &camera));
     RenderOptions {
         width: size.0,
         height: size.1,
         crop: args.crop,
-        spp: args.spp,
-        time: args.time,
-        error: args.error,
-        min_spp: args.min_spp,
         camera,
         seed: args.seed,
         threads: args.threads.map_or_else(default_threads, |n| n as usize),
@@ -213,6 +233,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
             Switch::On => Roulette::On,
             Switch::Off => Roulette::Off,
         },
+        roulette_start: args.roulette_start,
         strategy: match args.strategy {
             StrategyName::Mis => Strategy::MisPower,
             StrategyName::MisBalance => Strategy::MisBalance,
@@ -229,6 +250,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
             Rays::Mode(mode) => Some(mode),
         },
         isa: args.isa.clone(),
+        robust: args.robust == Switch::On,
         ..RenderOptions::default()
     }
 }

@@ -32,10 +32,10 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let start = Instant::now();
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     let signals = Signals::listen()?;
-    job::check(args)?;
+    job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment))?;
     verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
@@ -105,9 +105,10 @@ fn exr_options(
     let backend = renderer.backend_info();
     ExrOptions {
         aovs: args.aov.clone(),
+        half: args.half,
         render_seconds: Some(render.render_time.as_secs_f64()),
         view: Some(view_matrices(renderer, scene)),
-        seed: Some(args.seed),
+        seed: Some(args.settings.seed),
         sample_range: Some((0, render.film.spp().min)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
         isa: Some(backend.isa.clone()),

@@ -11,7 +11,7 @@ use std::path::Path;
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, IntegerBounds, Layer,
-    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage, f16,
 };
 
 use super::{Film, Pixel};
@@ -66,6 +66,8 @@ pub struct ViewMatrices {
 pub struct ExrOptions {
     /// Extra outputs.
     pub aovs: Vec<Aov>,
+    /// R, G, B and A in 16 bits instead of 32 (rounded to 11 bits of mantissa, at most ±65504); extra outputs stay 32.
+    pub half: bool,
     /// Wall time of the render, `renderTimeSeconds`.
     pub render_seconds: Option<f64>,
     /// Where the camera was.
@@ -93,7 +95,7 @@ impl Film {
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = Vec2(window.width as usize, window.height as usize);
-        let channels = AnyChannels::sort(self.channels(&options.aovs).into_iter().collect());
+        let channels = AnyChannels::sort(self.channels(options).into_iter().collect());
         let mut image = Image::from_layer(Layer::new(size, self.layer_attributes(options), encoding, channels));
         let resolution = Vec2(self.resolution.0 as usize, self.resolution.1 as usize);
         image.attributes.display_window = IntegerBounds::from_dimensions(resolution);
@@ -106,14 +108,20 @@ impl Film {
         })
     }
 
-    fn channels(&self, aovs: &[Aov]) -> Vec<AnyChannel<FlatSamples>> {
+    fn channels(&self, options: &ExrOptions) -> Vec<AnyChannel<FlatSamples>> {
         let channel = |name: &str, value: &dyn Fn(&Pixel) -> f64| {
             AnyChannel::new(name, FlatSamples::F32(self.pixels.iter().map(|pixel| stored(value(pixel))).collect()))
         };
+        let beauty = |name: &str, c: usize| {
+            if !options.half {
+                return channel(name, &|pixel| pixel.mean()[c]);
+            }
+            let rounded = self.pixels.iter().map(|pixel| stored_half(pixel.mean()[c])).collect();
+            AnyChannel::new(name, FlatSamples::F16(rounded))
+        };
         let variance = |pixel: &Pixel, c: usize| pixel.variance().map_or(0.0, |v| v[c]);
-        let mut list: Vec<_> =
-            ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| channel(name, &|p| p.mean()[c])).collect();
-        for aov in aovs {
+        let mut list: Vec<_> = ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| beauty(name, c)).collect();
+        for aov in &options.aovs {
             let rgb = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (c, format!("{}.{name}", aov.name())));
             match aov {
                 Aov::Variance => list.extend(rgb.map(|(c, name)| channel(&name, &|p| variance(p, c)))),
@@ -181,6 +189,16 @@ const MOST_PIXELS_PER_BYTE: u64 = 1032;
 /// A mean as it is stored: rounded to f32 and saturated.
 fn stored(value: f64) -> f32 {
     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+}
+
+/// A mean as it is stored in 16 bits: rounded once, and saturated.
+fn stored_half(value: f64) -> f16 {
+    f16::from_f64(value.clamp(f16::MIN.to_f64(), f16::MAX.to_f64()))
+}
+
+/// What a reader finds where `value` was written in 16 bits.
+pub fn through_half(value: f64) -> f64 {
+    stored_half(value).to_f64()
 }
 
 /// Pixels of a data window and where it lies.

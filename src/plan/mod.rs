@@ -97,6 +97,8 @@ pub struct RenderPlan {
     pub isa: Option<String>,
     /// Whether shading runs in AVX-512: the processor has it and no narrower instruction set is pinned.
     pub avx512: bool,
+    /// Robust traversal.
+    pub robust: bool,
     /// Paths of one wave.
     pub wave: usize,
     /// The gates that the stages read.
@@ -156,7 +158,10 @@ impl RenderPlan {
             bounce: mode(QueryMode::Packet16),
             shadow: mode(QueryMode::Packet16),
         };
-        let what = format!("max-depth {}", options.max_depth);
+        let mut bias = vec![Bias { what: format!("max-depth {}", options.max_depth), energy_removed: None }];
+        if !options.robust {
+            bias.push(Bias { what: "robust off".into(), energy_removed: None });
+        }
         Ok(RenderPlan {
             resolution,
             window: resolve_window(resolution, options.crop)?,
@@ -180,11 +185,12 @@ impl RenderPlan {
             rays,
             isa: options.isa.clone(),
             avx512: options.isa.as_deref().is_none_or(|name| name == "avx512") && isa::has_avx512(),
+            robust: options.robust,
             wave: WAVE,
             stages: stages(&features, options),
             features,
             effects,
-            bias: vec![Bias { what, energy_removed: None }],
+            bias,
         })
     }
 
@@ -194,7 +200,7 @@ impl RenderPlan {
             incoherent: self.rays.bounce,
             coherent: self.rays.camera,
             shadow: self.rays.shadow,
-            robust: true,
+            robust: self.robust,
             isa: self.isa.clone(),
             build_threads: self.threads,
         }

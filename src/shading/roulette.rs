@@ -47,8 +47,7 @@ pub fn on_lattice(q: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const FIRST_VERTEX: u32 = 1;
+    use crate::plan::options::ROULETTE_START as START;
 
     /// SplitMix64 (Steele et al. 2014), as multiples of 2^-24 in [0,1).
     fn uniform(state: &mut u64) -> f32 {
@@ -107,8 +106,7 @@ mod tests {
     fn p13_the_rule_keeps_the_mean_of_every_channel() {
         let (rho, paths) = (Vec3::new(0.9, 0.5, 0.1), 1 << 20);
         for (channel, expected) in [10.0, 2.0, 1.111_111_111].into_iter().enumerate() {
-            let (mean, variance) =
-                furnace(rho, paths, channel, |beta, vertex| survival(beta, 1.0, vertex, FIRST_VERTEX));
+            let (mean, variance) = furnace(rho, paths, channel, |beta, vertex| survival(beta, 1.0, vertex, START));
             let error = 4.9 * (variance / f64::from(paths)).sqrt();
             assert!(
                 (mean - expected).abs() < error + 1e-6 * expected,
@@ -123,8 +121,7 @@ mod tests {
     #[test]
     fn p09_long_paths_end() {
         let (rho, paths) = (0.999, 1 << 13);
-        let (mean, variance) =
-            furnace(Vec3::splat(rho), paths, 0, |beta, vertex| survival(beta, 1.0, vertex, FIRST_VERTEX));
+        let (mean, variance) = furnace(Vec3::splat(rho), paths, 0, |beta, vertex| survival(beta, 1.0, vertex, START));
         let error = 4.9 * (variance / f64::from(paths)).sqrt();
         assert!((mean - 1000.0).abs() < error + 1e-2, "{mean} ± {error}");
     }
@@ -133,7 +130,7 @@ mod tests {
     #[test]
     fn p10_underflow_ends_the_path() {
         let (mut beta, mut sum, mut bounces) = (Vec3::ONE, Vec3::ZERO, 0);
-        while survival(beta, 1.0, 1, FIRST_VERTEX) > 0.0 {
+        while survival(beta, 1.0, 1, START) > 0.0 {
             sum += beta;
             beta *= 0.01;
             bounces += 1;
@@ -159,9 +156,9 @@ mod tests {
                 }
             }
         }
-        assert_eq!(survival(Vec3::ZERO, 1.0, 1, FIRST_VERTEX), 0.0);
-        assert_eq!(survival(Vec3::ONE, 1.0, 1000, FIRST_VERTEX), 1.0);
-        assert_eq!(survival(Vec3::splat(f32::INFINITY), 1.0, 9, FIRST_VERTEX), 1.0);
-        assert_eq!(survival(Vec3::splat(f32::NAN), 1.0, 9, FIRST_VERTEX), 1.0);
+        assert_eq!(survival(Vec3::ZERO, 1.0, 1, START), 0.0);
+        assert_eq!(survival(Vec3::ONE, 1.0, 1000, START), 1.0);
+        assert_eq!(survival(Vec3::splat(f32::INFINITY), 1.0, 9, START), 1.0);
+        assert_eq!(survival(Vec3::splat(f32::NAN), 1.0, 9, START), 1.0);
     }
 }
