@@ -85,7 +85,7 @@ fn render(args: &RenderArgs) -> Result<u8> {
 
 /// A signal first (the picture is not what was asked for), then samples that are not finite, then a missed target.
 fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option<u8>) -> u8 {
-    let reached = |target: f64| stats.error.is_some_and(|error| error.relmse.sqrt() <= target);
+    let reached = |target: f64| stats.error.is_some_and(|error| error.limit <= target);
     match (render.stop, signal) {
         (StopReason::Callback, Some(code)) => code,
         _ if render.counters.nonfinite > 0 => EXIT_NONFINITE,
