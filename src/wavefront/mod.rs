@@ -7,6 +7,7 @@
 pub mod accumulate;
 pub mod classify;
 pub mod estimator;
+pub mod first_hit;
 pub mod lambert;
 pub mod queue;
 pub mod raygen;
