@@ -14,6 +14,7 @@ use crate::accuracy::predict::Predicted;
 use crate::backend::{self, Backend, BackendInfo};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
+use crate::film::aov::FirstHit;
 use crate::film::estimate::ErrorEstimate;
 use crate::film::filter::FilterTable;
 use crate::film::lengths::LengthSums;
@@ -106,6 +107,8 @@ pub struct Render {
     pub counters: Counters,
     /// One image per path length, if asked for.
     pub lengths: Option<LengthSums>,
+    /// What camera rays meet first, one entry a pixel of the window, if asked for.
+    pub first_hits: Option<Vec<FirstHit>>,
     /// Wall time of the passes.
     pub render_time: Duration,
     /// Why it ended.
@@ -355,10 +358,14 @@ impl<'a> Renderer<'a> {
             last = elapsed;
         }
 
+        let (film, counters) = (film.into_inner(), counters.into_inner());
+        let (film, mut counters) = (film.expect("no worker panicked"), counters.expect("no worker panicked"));
+        let first_hits = self.plan.features.first_hit.then(|| self.first_hits(film.spp().max, &mut counters));
         Ok(Render {
-            film: film.into_inner().expect("no worker panicked"),
-            counters: counters.into_inner().expect("no worker panicked"),
+            film,
+            counters,
             lengths: lengths.map(|l| l.into_inner().expect("no worker panicked")),
+            first_hits,
             render_time: start.elapsed() - shown,
             stop,
             forecast,
@@ -428,9 +435,24 @@ impl<'a> Renderer<'a> {
         complete && go_on && !cancelled.load(Ordering::Relaxed)
     }
 
-    /// Renders one tile's samples of a pass: takes the tile's pixels from the film, continues their sums, puts them back.
-    fn run_tile(&self, pass: &Pass, tile: &Tile) {
-        let context = Context {
+    /// What the camera rays of every pixel meet first; `spp` is what the render took.
+    fn first_hits(&self, spp: u64, counters: &mut Counters) -> Vec<FirstHit> {
+        let w = self.plan.window;
+        let rows: Vec<(Vec<FirstHit>, Counters)> = self.pool.install(|| {
+            let row = |y| {
+                let pixels: Vec<(u32, u32)> = (w.x..w.x + w.width).map(|x| (x, y)).collect();
+                let mut counters = Counters::default();
+                (wavefront::first_hit::run(&self.context(), &pixels, spp, &mut counters), counters)
+            };
+            (w.y..w.y + w.height).into_par_iter().map(row).collect()
+        });
+        rows.iter().for_each(|(_, traced)| counters.merge(traced));
+        rows.into_iter().flat_map(|(hits, _)| hits).collect()
+    }
+
+    /// What the stages read.
+    fn context(&self) -> Context<'_> {
+        Context {
             plan: &self.plan,
             scene: self.scene,
             geometry: &self.geometry,
@@ -440,7 +462,12 @@ impl<'a> Renderer<'a> {
             filter: &self.filter,
             kinds: &self.kinds,
             albedo: &self.albedo,
-        };
+        }
+    }
+
+    /// Renders one tile's samples of a pass: takes the tile's pixels from the film, continues their sums, puts them back.
+    fn run_tile(&self, pass: &Pass, tile: &Tile) {
+        let context = self.context();
         let mut wave = pass
             .waves
             .lock()

@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::units;
 use crate::backend::{BackendKind, QueryMode};
-use crate::film::exr::Aov;
+use crate::film::aov::Aov;
 use crate::film::filter::FilterKind;
 use crate::plan::options::ROULETTE_START;
 use crate::render::Crop;
@@ -65,7 +65,9 @@ pub struct RenderArgs {
     /// Exposure of PNG previews, in stops: values are multiplied by 2^EV
     #[arg(long, value_name = "EV", default_value = "0", value_parser = units::finite, help_heading = "Output")]
     pub exposure: f32,
-    /// Extra channels in the EXR, separated by commas: the variance of each pixel's mean, its square root, samples per pixel
+    /// Extra channels in the EXR, separated by commas. variance, stderr: of each pixel's mean; spp: samples; bounces: one
+    /// image per number of scatterings; albedo, N: base colour and normal of what is met first; Z, P: depth (m) and
+    /// world position (m) through the pixel's centre
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser(), help_heading = "Output")]
     pub aov: Vec<Aov>,
     /// Write R, G, B and A of the EXR in 16 bits: half the size, rounded to 1 part in 2048, at most 65504
@@ -195,6 +197,9 @@ pub struct InfoArgs {
     /// The environment.
     #[command(flatten)]
     pub environment: EnvironmentArgs,
+    /// Extra channels as `render` takes them, to see what they add to the plan
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser())]
+    pub aov: Vec<Aov>,
 }
 
 /// `compare`.

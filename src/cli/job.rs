@@ -10,7 +10,9 @@ use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, SettingsArgs, 
 use crate::backend::BackendKind;
 use crate::error::{Error, Result};
 use crate::film::Pixel;
+use crate::film::aov::{Aov, FirstHit, channel_count};
 use crate::film::atomic::check_writable;
+use crate::film::lengths::LENGTHS;
 use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
@@ -22,8 +24,9 @@ const DEFAULT_WIDTH: u32 = 1280;
 /// Pixels of the largest window that is rendered; what `compare` reads.
 const MOST_PIXELS: u64 = 1 << 28;
 
-/// Bytes of a pixel outside the film, at most: its place in a tile, and eleven channels of f32 while an EXR is written.
-const PIXEL_OVERHEAD: u64 = 8 + 11 * 4;
+/// Bytes of a pixel outside the film without extra channels: its place in a tile, and four channels of f32 while an EXR
+/// is written.
+const PIXEL_OVERHEAD: u64 = 8 + 4 * 4;
 
 /// Aspect of a picture for which nothing names one.
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
@@ -147,13 +150,21 @@ pub fn check_memory(options: &RenderOptions) -> Result<()> {
     if pixels > MOST_PIXELS {
         return refuse("--width", format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
     }
-    let bytes = pixels * (size_of::<Pixel>() as u64 + PIXEL_OVERHEAD);
+    let bytes = pixels * (size_of::<Pixel>() as u64 + PIXEL_OVERHEAD + aov_bytes(options));
     if let Some(available) = available_memory().filter(|available| bytes > *available) {
         let (needed, available) = (bytes >> 20, available >> 20);
         let problem = format!("{width}x{height} pixels need {needed} MiB, {available} MiB are available (use --crop)");
         return refuse("--width", problem);
     }
     Ok(())
+}
+
+/// Bytes that the extra outputs take for each pixel: what is gathered, and their channels, twice while they are written.
+fn aov_bytes(options: &RenderOptions) -> u64 {
+    let channels: usize = options.aovs.iter().map(|&aov| channel_count(aov, options.max_depth)).sum();
+    let lengths = if options.aovs.contains(&Aov::Bounces) { LENGTHS * size_of::<[f64; 3]>() + 8 } else { 0 };
+    let first_hit = if options.aovs.iter().any(|aov| aov.is_of_first_hit()) { size_of::<FirstHit>() } else { 0 };
+    (2 * channels * size_of::<f32>() + lengths + first_hit) as u64
 }
 
 /// `--env` and what goes with it.
@@ -211,6 +222,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
         time: args.time,
         error: args.error,
         min_spp: args.min_spp,
+        aovs: args.aov.clone(),
         ..settings(&args.settings, scene)
     }
 }

@@ -13,6 +13,7 @@ use super::signal::Signals;
 use super::{EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, to_json};
 use crate::error::{Error, Result};
 use crate::film::Film;
+use crate::film::aov::{self, Sources};
 use crate::film::atomic::write_atomically;
 use crate::film::exr::{ExrOptions, ViewMatrices};
 use crate::render::{Render, Renderer, StopReason};
@@ -103,8 +104,14 @@ fn exr_options(
     record: &PlanRecord,
 ) -> ExrOptions {
     let backend = renderer.backend_info();
+    let sources = Sources {
+        film: &render.film,
+        lengths: render.lengths.as_ref(),
+        first_hits: render.first_hits.as_deref(),
+        max_depth: renderer.plan().max_depth,
+    };
     ExrOptions {
-        aovs: args.aov.clone(),
+        channels: aov::channels(&renderer.plan().aovs, &sources),
         half: args.half,
         render_seconds: Some(render.render_time.as_secs_f64()),
         view: Some(view_matrices(renderer, scene)),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::options::{RenderOptions, Strategy};
+use super::options::{Aov, RenderOptions, Strategy};
 use crate::scene::{Material, Projection, PunctualKind, Scene};
 
 /// An effect that is not simulated, and why.
@@ -66,6 +66,8 @@ pub struct Features {
     pub instancing: bool,
     /// One accumulator per path length.
     pub per_length: bool,
+    /// A pass of its own over what camera rays meet first.
+    pub first_hit: bool,
 }
 
 /// Collects effects in a fixed order, with the first reason for each.
@@ -133,8 +135,11 @@ pub fn find(scene: &Scene, options: &RenderOptions, instanced: bool) -> (Feature
     if instanced {
         found.mark(&mut f.instancing, 30, "instancing", || format!("{} placements", scene.instances.len()));
     }
-    if options.per_length {
+    if options.per_length || options.aovs.contains(&Aov::Bounces) {
         found.mark(&mut f.per_length, 31, "per-length-images", || "asked for".into());
+    }
+    if let Some(aov) = options.aovs.iter().find(|aov| aov.is_of_first_hit()) {
+        found.mark(&mut f.first_hit, 32, "first-hit", || format!("channels '{}'", aov.name()));
     }
     if let Some(Projection::Orthographic { .. }) = scene.cameras.first().map(|c| c.projection)
         && f.lens

@@ -15,7 +15,7 @@ use crate::math::isa;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 pub use effects::{Effects, Features, Ignored};
-use options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
+use options::{Aov, CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
 /// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
 /// stay inside 1 MiB of L2.
@@ -105,6 +105,8 @@ pub struct RenderPlan {
     pub features: Features,
     /// The same for people and programs.
     pub effects: Effects,
+    /// Extra outputs.
+    pub aovs: Vec<Aov>,
     /// Names of the stages that run, in order.
     pub stages: Vec<&'static str>,
     /// Known biases.
@@ -190,6 +192,7 @@ impl RenderPlan {
             stages: stages(&features, options),
             features,
             effects,
+            aovs: options.aovs.clone(),
             bias,
         })
     }
@@ -282,7 +285,7 @@ fn resolve_threads(asked: usize) -> usize {
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
     let lights = f.area_lights || f.environment || f.punctual;
     let sampled = lights && options.strategy != Strategy::BsdfOnly;
-    let all: [(&'static str, bool); 16] = [
+    let all: [(&'static str, bool); 18] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
         ("closest-hit", true),
@@ -299,6 +302,8 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("light-sampling", sampled),
         ("any-hit", sampled),
         ("accumulate", true),
+        ("per-length", f.per_length),
+        ("first-hit", f.first_hit),
     ];
     all.iter().filter(|(_, runs)| *runs).map(|(name, _)| *name).collect()
 }

@@ -28,6 +28,27 @@ pub enum SamplerKind {
     Independent,
 }
 
+/// Extra outputs of `--aov`; `film::aov` makes their channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Estimated variance of each pixel's mean.
+    Variance,
+    /// Its square root.
+    Stderr,
+    /// Samples of each pixel.
+    Spp,
+    /// One image per number of scatterings.
+    Bounces,
+    /// Base colour of what is met first.
+    Albedo,
+    /// Shading normal there, in the world.
+    Normal,
+    /// Distance along the view axis to it, metres.
+    Depth,
+    /// World position of it, metres.
+    Position,
+}
+
 /// Rectangle of pixels inside the full image, in pixels from its top left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crop {
@@ -134,7 +155,10 @@ pub struct RenderOptions {
     /// Robust traversal. Off only as a measured choice: Embree then loses rays between triangles.
     pub robust: bool,
     /// Whether one film per path length is kept.
+    /// Whether one film per path length is kept; `Aov::Bounces` asks for it too.
     pub per_length: bool,
+    /// Extra outputs.
+    pub aovs: Vec<Aov>,
 }
 
 impl Default for RenderOptions {
@@ -162,6 +186,7 @@ impl Default for RenderOptions {
             isa: None,
             robust: true,
             per_length: false,
+            aovs: Vec::new(),
         }
     }
 }

@@ -53,6 +53,10 @@ pub fn by_length(chunk: &Chunk, wave: &Wave, lengths: &mut LengthSums, place: im
         let at = place(pixel);
         for s in 0..chunk.samples {
             let slot = p * chunk.samples + s;
+            // What the film counts as 0 is 0 in every part of it.
+            if !wave.gathered[slot].radiance.iter().all(|c| c.is_finite()) {
+                continue;
+            }
             let weight = wave.gathered[slot].weight as f64;
             for (sum, term) in lengths.sums[at].iter_mut().zip(&wave.per_length[slot]) {
                 for c in 0..3 {

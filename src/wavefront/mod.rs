@@ -7,6 +7,7 @@
 pub mod accumulate;
 pub mod classify;
 pub mod estimator;
+pub mod first_hit;
 #[allow(unsafe_code)] // Fence 2 of 2: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
