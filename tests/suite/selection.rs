@@ -26,16 +26,16 @@ fn emitters(count: u32, random: &mut Random) -> Vec<Emitter> {
             let place = clusters[light as usize % 4] + uniform(random, -1.0, 1.0);
             let intensity = random.log_uniform(1e-3, 1e3);
             match light % 5 {
-                0 => Emitter { light, corners: [place; 3], axis: Vec3::Z, spread: PI, reach: 0.0, intensity },
+                0 => Emitter { light, corners: [place; 4], axis: Vec3::Z, spread: PI, reach: 0.0, intensity },
                 1 => {
                     let (spread, reach) = (0.3 * f64::from(random.unit()), f64::from(random.unit()));
-                    Emitter { light, corners: [place; 3], axis: random.direction(), spread, reach, intensity }
+                    Emitter { light, corners: [place; 4], axis: random.direction(), spread, reach, intensity }
                 }
                 _ => {
                     let size = random.log_uniform(1e-3, 1.0) as f32;
                     let (e1, e2) = (random.direction() * size, random.direction() * size);
                     let axis = e1.as_dvec3().cross(e2.as_dvec3()).normalize().as_vec3();
-                    let corners = [place, place + e1, place + e2];
+                    let corners = [place, place + e1, place + e2, place];
                     Emitter { light, corners, axis, spread: 0.0, reach: PI / 2.0, intensity }
                 }
             }
@@ -122,7 +122,7 @@ fn nothing_that_counts_is_left_out() {
     let triangles: Vec<([Vec3; 3], u32)> = emitters(250, &mut random)
         .iter()
         .filter(|emitter| emitter.reach > 1.5)
-        .map(|emitter| (emitter.corners, 0))
+        .map(|emitter| ([emitter.corners[0], emitter.corners[1], emitter.corners[2]], 0))
         .collect();
     let spots: Vec<PunctualLight> = (0..100)
         .map(|i| {
@@ -170,7 +170,7 @@ fn nothing_that_counts_is_left_out() {
 fn odd_arrangements() {
     let point = |light: u32, place: Vec3, intensity: f64| Emitter {
         light,
-        corners: [place; 3],
+        corners: [place; 4],
         axis: Vec3::Z,
         spread: PI,
         reach: 0.0,

@@ -26,8 +26,8 @@ const REACH_ROUNDING: f32 = 4e-6;
 pub struct Emitter {
     /// Number of the light.
     pub light: u32,
-    /// Corners (all the same for a punctual light).
-    pub corners: [Vec3; 3],
+    /// Corners (all the same for a punctual light, one twice for a triangle).
+    pub corners: [Vec3; 4],
     /// Direction of the largest intensity.
     pub axis: Vec3,
     /// Half angle around the axis within which the intensity is that of the axis, rad: 0 for a triangle, π for a point.
@@ -40,8 +40,8 @@ pub struct Emitter {
 
 impl Emitter {
     fn center(&self) -> DVec3 {
-        let [a, b, c] = self.corners.map(|corner| corner.as_dvec3());
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let [a, b, c, d] = self.corners.map(|corner| corner.as_dvec3());
+        let (low, high) = (a.min(b).min(c).min(d), a.max(b).max(c).max(d));
         0.5 * (low + high)
     }
 }

@@ -1,7 +1,7 @@
 //! Light sources as the estimator sees them: choose one, draw a point, know the density of any direction.
 //!
-//! Lights are numbered: emissive triangles of the world mesh first, in their order there, then punctual lights, then the
-//! environment. Emission is one-sided, along `n_g`. Densities are in sr⁻¹ and include the choice of the light. Colours
+//! Lights are numbered: emissive triangles and parallelograms of the world mesh first, in their order there, then punctual
+//! lights, then the environment. Emission is one-sided, along `n_g`. Densities are in sr⁻¹ and include the choice of the light. Colours
 //! count by the mean of their channels where one number is needed, because errors are measured per channel.
 //! Refuses: radiance that is negative or not finite. What is black is never chosen.
 
@@ -19,7 +19,7 @@ pub mod punctual;
 pub mod select;
 pub mod tree;
 
-use area::{Emission, TriangleLight};
+use area::{AreaLight, Emission, Members};
 use environment::EnvironmentLight;
 use select::{Distant, Selection, Selector};
 
@@ -69,14 +69,14 @@ pub struct EmitterHit {
     pub distance_m: f32,
     /// Cosine between `n_g` and the way back along the ray; not above 0 behind the emitter.
     pub cos_light: f32,
-    /// Area of the triangle, m².
+    /// Area of the light: [`Lights::area_m2`].
     pub area_m2: f32,
 }
 
 /// How many lights of each kind there are, for the plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightCounts {
-    /// Emissive triangles.
+    /// Emissive triangles; two that make up a parallelogram count once.
     pub triangles: usize,
     /// Punctual lights.
     pub punctual: usize,
@@ -87,7 +87,9 @@ pub struct LightCounts {
 /// All lights of a scene.
 #[derive(Clone, Debug)]
 pub struct Lights {
-    triangles: Vec<TriangleLight>,
+    areas: Vec<AreaLight>,
+    /// What each of `areas` is made of.
+    members: Vec<Members>,
     /// One entry a material.
     emissions: Vec<Emission>,
     punctual: Vec<punctual::Light>,
@@ -110,7 +112,7 @@ impl Lights {
             })
             .collect::<Result<Vec<_>>>()?;
 
-        let triangles = area::find(geometry, &emissions);
+        let (areas, members): (Vec<_>, Vec<_>) = area::find(geometry, &emissions).into_iter().unzip();
         let punctual = (scene.punctual.iter())
             .map(|light| {
                 punctual::Light::new(light).map_err(|problem| {
@@ -123,9 +125,9 @@ impl Lights {
         // What is black is left out; the rest is weighed by intensity (finite distances) or irradiance (infinity).
         let mut near = Vec::new();
         let mut distant = Vec::new();
-        let total = triangles.len() + punctual.len() + usize::from(environment.is_some());
+        let total = areas.len() + punctual.len() + usize::from(environment.is_some());
         let too_bright = |intensity: f64| format!("an intensity of {intensity} W/sr, expected finite and >= 0");
-        for (number, light) in triangles.iter().enumerate() {
+        for (number, light) in areas.iter().enumerate() {
             let emitter = light.emitter(number as u32, &emissions);
             if !emitter.intensity.is_finite() {
                 let pointer = format!("/materials/{}", light.material);
@@ -133,7 +135,7 @@ impl Lights {
             }
             near.extend((emitter.intensity > 0.0).then_some(emitter));
         }
-        for (number, light) in (triangles.len() as u32..).zip(&punctual) {
+        for (number, light) in (areas.len() as u32..).zip(&punctual) {
             match light.emitter(number) {
                 Some(emitter) => near.extend((emitter.intensity > 0.0).then_some(emitter)),
                 None => distant.push(Distant { light: number, irradiance: light.irradiance() }),
@@ -145,7 +147,7 @@ impl Lights {
         distant.retain(|light| light.irradiance > 0.0);
         let selector = Selector::new(near, &distant, total)
             .map_err(|error: TableError| invalid("/".into(), format!("lights: {error}")))?;
-        Ok(Lights { triangles, emissions, punctual, environment, selector })
+        Ok(Lights { areas, members, emissions, punctual, environment, selector })
     }
 
     /// Writes the number of its light into each emissive triangle. `geometry` is the one that `build` saw.
@@ -153,15 +155,17 @@ impl Lights {
         for triangle in &mut geometry.triangles {
             triangle.light = u32::MAX;
         }
-        for (number, light) in self.triangles.iter().enumerate() {
-            geometry.triangles[light.triangle as usize].light = number as u32;
+        for (number, members) in self.members.iter().enumerate() {
+            for triangle in [Some(members.first), members.second].into_iter().flatten() {
+                geometry.triangles[triangle as usize].light = number as u32;
+            }
         }
     }
 
     /// How many lights of each kind there are.
     pub fn counts(&self) -> LightCounts {
         LightCounts {
-            triangles: self.triangles.len(),
+            triangles: self.areas.len(),
             punctual: self.punctual.len(),
             environment: usize::from(self.environment.is_some()),
         }
@@ -191,9 +195,9 @@ impl Lights {
         let chosen = self.selector.select(p, n, refined(u))?;
         let uv = [u[1], u[2]];
         let number = chosen.light as usize;
-        let mut sample = if let Some(light) = self.triangles.get(number) {
+        let mut sample = if let Some(light) = self.areas.get(number) {
             light.sample(&self.emissions[light.material as usize], p, uv)
-        } else if let Some(light) = self.punctual.get(number - self.triangles.len()) {
+        } else if let Some(light) = self.punctual.get(number - self.areas.len()) {
             light.sample(p)
         } else {
             self.environment.as_ref().map(|light| light.sample(uv))
@@ -214,10 +218,19 @@ impl Lights {
         }
     }
 
-    /// Area of an emissive triangle, m²; what [`EmitterHit`] wants.
+    /// The one light of the scene, if it is a triangle or a parallelogram without texture, with its radiance: such a scene
+    /// chooses nothing.
+    pub fn only_area(&self) -> Option<(&AreaLight, Vec3)> {
+        let light = self.areas.first().filter(|_| self.selection() == Selection::Single)?;
+        let emission = &self.emissions[light.material as usize];
+        (self.selector.p_select(0, Vec3::ZERO, Vec3::ZERO) == 1.0 && !emission.is_textured())
+            .then(|| (light, emission.radiance()))
+    }
+
+    /// Area of an emissive triangle or of the parallelogram it belongs to, m²; what [`EmitterHit`] wants.
     #[inline(always)]
     pub fn area_m2(&self, light: u32) -> f32 {
-        self.triangles[light as usize].area_m2
+        self.areas[light as usize].area_m2
     }
 
     /// Radiance of the environment from the unit direction `dir`; 0 without one.
@@ -230,7 +243,7 @@ impl Lights {
     #[inline]
     pub fn pdf_environment(&self, dir: Vec3, p: Vec3, n: Vec3) -> f32 {
         self.environment.as_ref().map_or(0.0, |light| {
-            let number = (self.triangles.len() + self.punctual.len()) as u32;
+            let number = (self.areas.len() + self.punctual.len()) as u32;
             self.selector.p_select(number, p, n) * light.pdf_sa(dir)
         })
     }

@@ -62,7 +62,7 @@ impl Light {
                 (self.direction, spread, outer - spread)
             }
         };
-        let corners = [self.position; 3];
+        let corners = [self.position; 4];
         Some(Emitter { light, corners, axis, spread, reach, intensity: channel_mean(self.intensity) })
     }
 
