@@ -34,7 +34,7 @@ pub fn atan2_turns(y: f32, x: f32) -> f32 {
     let (top, bottom) = if upper { (small - large, small + large) } else { (small, large) };
     let z = top / bottom.max(f32::MIN_POSITIVE);
     let z2 = z * z;
-    let poly = ((8.053_744_5e-2 * z2 - 1.387_768_6e-1) * z2 + 1.997_771_1e-1) * z2 - 3.333_294_9e-1;
+    let poly = ((8.053_744_5e-2 * z2 - 1.387_768_6e-1) * z2 + 1.997_771_1e-1) * z2 - 3.333_295e-1;
     let angle = poly * z2 * z + z;
     let angle = if upper { angle + FRAC_PI_4 } else { angle };
     let angle = if steep { FRAC_PI_2 - angle } else { angle };
