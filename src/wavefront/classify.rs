@@ -78,16 +78,13 @@ fn escape(context: &Context, wave: &mut Wave, block: usize, missed: u16, edge: u
         let ray = &wave.current.rays[block].ray;
         let path = wave.current.paths[block].get(i);
         let dir = ray.dir(i);
-        let light_pdf = if path.last_pdf_sa < f32::INFINITY && context.plan.samples_lights() {
-            context.lights.pdf_environment(dir, ray.org(i), path.last_n)
-        } else {
-            0.0
-        };
+        let seen = context.lights.environment_seen(dir, ray.org(i), path.last_n);
+        let light_pdf = if context.plan.samples_lights() { seen.pdf_sa } else { 0.0 };
         let weight = estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf);
         // Inside an absorbing solid the way to infinity absorbs everything.
         let absorbed = context.absorbs_fully(path.medium);
         if weight > 0.0 && !absorbed {
-            wave.add(path.slot, edge, path.beta * context.lights.environment_radiance(dir) * weight);
+            wave.add(path.slot, edge, path.beta * seen.radiance * weight);
         }
     }
 }
