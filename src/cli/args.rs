@@ -138,6 +138,10 @@ pub struct RenderArgs {
     #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
     pub isa: Option<String>,
 
+    /// Run every stage, also those that nothing calls for: the same picture, later
+    #[arg(long, hide = true)]
+    pub no_plan: bool,
+
     /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson)
     #[arg(long, value_enum, default_value = "auto", help_heading = "Reporting")]
     pub progress: ProgressKind,

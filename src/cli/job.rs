@@ -11,6 +11,7 @@ use crate::backend::BackendKind;
 use crate::error::{Error, Result};
 use crate::film::Pixel;
 use crate::film::atomic::check_writable;
+use crate::plan::Gate;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
 use crate::scene::{Camera, Environment, Projection, Scene, Warning};
@@ -229,6 +230,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
             Rays::Mode(mode) => Some(mode),
         },
         isa: args.isa.clone(),
+        forced: if args.no_plan { Gate::ALL.to_vec() } else { Vec::new() },
         ..RenderOptions::default()
     }
 }

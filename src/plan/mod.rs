@@ -13,7 +13,7 @@ use crate::backend::{BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
-pub use effects::{Effects, Features, Ignored};
+pub use effects::{Effects, Features, Gate, Ignored};
 use options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
 /// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
@@ -144,7 +144,9 @@ impl RenderPlan {
             return refuse("--backend", format!("{} is not in this build; use obvhs or brute", backend.name()));
         }
 
-        let (features, effects) = effects::find(scene, options, !geometry.instances.is_empty());
+        let (mut features, effects) = effects::find(scene, options, camera, !geometry.instances.is_empty());
+        let lens = options.lens.filter(|_| features.lens);
+        features.force(&options.forced, options.strategy);
         let mode = |auto| options.rays.unwrap_or(auto);
         let rays = RayModes {
             camera: mode(QueryMode::Packet16),
@@ -156,7 +158,7 @@ impl RenderPlan {
             resolution,
             window: resolve_window(resolution, options.crop)?,
             camera,
-            lens: options.lens.filter(|_| features.lens),
+            lens,
             filter: options.filter,
             limits: Limits {
                 spp: options.spp,
@@ -194,9 +196,9 @@ impl RenderPlan {
     }
 
     /// Whether emitters are sampled from surfaces at all.
+    #[inline(always)]
     pub fn samples_lights(&self) -> bool {
-        let f = &self.features;
-        self.strategy != Strategy::BsdfOnly && (f.area_lights || f.environment || f.punctual)
+        self.features.light_sampling
     }
 }
 
@@ -267,8 +269,6 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let lights = f.area_lights || f.environment || f.punctual;
-    let sampled = lights && options.strategy != Strategy::BsdfOnly;
     let all: [(&'static str, bool); 16] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
@@ -283,8 +283,8 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("glossy", f.glossy),
         ("dielectric", f.dielectric),
         ("thin", f.thin),
-        ("light-sampling", sampled),
-        ("any-hit", sampled),
+        ("light-sampling", f.light_sampling),
+        ("any-hit", f.light_sampling),
         ("accumulate", true),
     ];
     all.iter().filter(|(_, runs)| *runs).map(|(name, _)| *name).collect()

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::effects::Gate;
 use crate::backend::{BackendKind, QueryMode};
 
 /// The filters of `--filter`.
@@ -128,6 +129,8 @@ pub struct RenderOptions {
     pub isa: Option<String>,
     /// Whether one film per path length is kept.
     pub per_length: bool,
+    /// Stages that run although nothing calls for them; the picture stays the same. For tests and benches.
+    pub forced: Vec<Gate>,
 }
 
 impl Default for RenderOptions {
@@ -153,6 +156,7 @@ impl Default for RenderOptions {
             rays: None,
             isa: None,
             per_length: false,
+            forced: Vec::new(),
         }
     }
 }

@@ -12,6 +12,7 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
         queue.clear();
     }
     let environment = context.plan.features.environment;
+    let visible = context.lights.counts().environment > 0;
     for lane in 0..wave.current.len {
         let (block, i) = (lane / LANES, lane % LANES);
         let hits = &wave.current.rays[block].hit;
@@ -36,7 +37,7 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
             if weight > 0.0 && !absorbed {
                 wave.add(path.slot, edge, path.beta * context.lights.environment_radiance(dir) * weight);
             }
-            if edge == 1 {
+            if edge == 1 && visible {
                 wave.gathered[path.slot as usize].coverage = 1.0;
             }
         }
