@@ -1,5 +1,5 @@
 //! `pathspace info`: what a scene holds and asks for, what will be simulated of it, what not and why. The plan is the one
-//! that `render` would run with the same environment and no other flags; the backend is built, because the effective query modes are its to say.
+//! that `render` would run with the same environment and extra channels and no other flags; the backend is built, because the effective query modes are its to say.
 
 use std::fmt;
 
@@ -29,6 +29,8 @@ pub struct PlanRecord {
     pub wave: usize,
     /// Known biases.
     pub bias: Vec<Bias>,
+    /// Extra outputs, as the command line names them.
+    pub aovs: Vec<&'static str>,
 }
 
 /// Effective query modes.
@@ -55,6 +57,7 @@ impl PlanRecord {
             },
             wave: plan.wave,
             bias: plan.bias.clone(),
+            aovs: plan.aovs.iter().map(|aov| aov.name()).collect(),
         }
     }
 }
@@ -71,6 +74,9 @@ impl fmt::Display for PlanRecord {
         let rays = &self.rays;
         writeln!(f, "rays        camera {}, bounce {}, shadow {}", rays.camera, rays.bounce, rays.shadow)?;
         write!(f, "wave        {} paths", self.wave)?;
+        if !self.aovs.is_empty() {
+            write!(f, "\naov         {}", self.aovs.join(", "))?;
+        }
         for bias in &self.bias {
             let removed = bias.energy_removed.map_or("not measured".into(), |e| format!("{:.4} %", 100.0 * e));
             write!(f, "\nbias        {} (energy removed: {removed})", bias.what)?;
@@ -109,7 +115,8 @@ struct CameraRecord {
 pub fn run(args: &InfoArgs) -> Result<u8> {
     let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
     let (width, height) = job::picture_size(None, None, scene, scene.cameras.first());
-    let options = RenderOptions { threads: job::default_threads(), ..RenderOptions::new(width, height) };
+    let aovs = args.aov.clone();
+    let options = RenderOptions { threads: job::default_threads(), aovs, ..RenderOptions::new(width, height) };
     let renderer = Renderer::new(scene, options)?;
     let record = InfoRecord {
         scene: scene_record(scene, [width, height]),

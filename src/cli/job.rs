@@ -6,12 +6,15 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, StrategyName, Switch};
+use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch};
 use crate::backend::BackendKind;
 use crate::error::{Error, Result};
 use crate::film::Pixel;
+use crate::film::aov::{Aov, FirstHit, channel_count};
 use crate::film::atomic::check_writable;
+use crate::film::lengths::LENGTHS;
 use crate::plan::Gate;
+use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
 use crate::scene::{Camera, Environment, Projection, Scene, Warning};
@@ -22,8 +25,9 @@ const DEFAULT_WIDTH: u32 = 1280;
 /// Pixels of the largest window that is rendered; what `compare` reads.
 const MOST_PIXELS: u64 = 1 << 28;
 
-/// Bytes of a pixel outside the film, at most: its place in a tile, and eleven channels of f32 while an EXR is written.
-const PIXEL_OVERHEAD: u64 = 8 + 11 * 4;
+/// Bytes of a pixel outside the film without extra channels: its place in a tile, and four channels of f32 while an EXR
+/// is written.
+const PIXEL_OVERHEAD: u64 = 8 + 4 * 4;
 
 /// Aspect of a picture for which nothing names one.
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
@@ -61,6 +65,9 @@ impl Outputs {
         if outputs.exr.is_none() && !args.aov.is_empty() {
             return refuse("--aov", "extra channels need an output that ends in .exr".into());
         }
+        if outputs.exr.is_none() && args.half {
+            return refuse("--half", "it applies to OpenEXR only: the output must end in .exr".into());
+        }
         if let Some(aov) = args.aov.iter().enumerate().find_map(|(i, aov)| args.aov[..i].contains(aov).then_some(aov)) {
             return refuse("--aov", format!("'{}' is named twice", aov.name()));
         }
@@ -72,7 +79,7 @@ impl Outputs {
         {
             return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
         }
-        outputs.check_files([Some(&args.scene), args.environment.env.as_ref()])?;
+        outputs.check_files([Some(&args.scene), args.settings.environment.env.as_ref()])?;
         Ok(outputs)
     }
 
@@ -108,19 +115,18 @@ fn place(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Option`] naming the option.
-pub fn check(args: &RenderArgs) -> Result<()> {
-    check_isa(args.backend, args.isa.as_deref())
-}
-
-/// Refuses an instruction set that the backend cannot pin.
-///
-/// # Errors
-/// [`Error::Option`] naming the option.
-pub fn check_isa(backend: Option<BackendKind>, isa: Option<&str>) -> Result<()> {
-    let backend = backend.unwrap_or(BackendKind::available()[0]);
-    if isa.is_some() && backend != BackendKind::Embree {
+pub fn check(args: &SettingsArgs) -> Result<()> {
+    let backend = args.backend.unwrap_or(BackendKind::available()[0]);
+    if args.isa.is_some() && backend != BackendKind::Embree {
         let name = backend.name();
         return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
+    }
+    if args.robust == Switch::Off && backend != BackendKind::Embree {
+        let name = backend.name();
+        return refuse("--robust", format!("backend '{name}' is always robust; only 'embree' can do without"));
+    }
+    if args.roulette == Switch::Off && args.roulette_start != ROULETTE_START {
+        return refuse("--roulette-start", "it has no effect with --roulette off".into());
     }
     Ok(())
 }
@@ -135,13 +141,21 @@ pub fn check_memory(options: &RenderOptions) -> Result<()> {
     if pixels > MOST_PIXELS {
         return refuse("--width", format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
     }
-    let bytes = pixels * (size_of::<Pixel>() as u64 + PIXEL_OVERHEAD);
+    let bytes = pixels * (size_of::<Pixel>() as u64 + PIXEL_OVERHEAD + aov_bytes(options));
     if let Some(available) = available_memory().filter(|available| bytes > *available) {
         let (needed, available) = (bytes >> 20, available >> 20);
         let problem = format!("{width}x{height} pixels need {needed} MiB, {available} MiB are available (use --crop)");
         return refuse("--width", problem);
     }
     Ok(())
+}
+
+/// Bytes that the extra outputs take for each pixel: what is gathered, and their channels, twice while they are written.
+fn aov_bytes(options: &RenderOptions) -> u64 {
+    let channels: usize = options.aovs.iter().map(|&aov| channel_count(aov, options.max_depth)).sum();
+    let lengths = if options.aovs.contains(&Aov::Bounces) { LENGTHS * size_of::<[f64; 3]>() + 8 } else { 0 };
+    let first_hit = if options.aovs.iter().any(|aov| aov.is_of_first_hit()) { size_of::<FirstHit>() } else { 0 };
+    (2 * channels * size_of::<f32>() + lengths + first_hit) as u64
 }
 
 /// `--env` and what goes with it.
@@ -194,16 +208,24 @@ pub fn has_light(scene: &Scene) -> bool {
 
 /// Options of the render, settled against the scene.
 pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
+    RenderOptions {
+        spp: args.spp,
+        time: args.time,
+        error: args.error,
+        min_spp: args.min_spp,
+        aovs: args.aov.clone(),
+        ..settings(&args.settings, scene)
+    }
+}
+
+/// What does not limit the render, settled against the scene.
+pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
     let camera = camera_choice(args.camera.as_deref(), scene);
     let size = picture_size(args.width, args.height, scene, camera_of(scene, &camera));
     RenderOptions {
         width: size.0,
         height: size.1,
         crop: args.crop,
-        spp: args.spp,
-        time: args.time,
-        error: args.error,
-        min_spp: args.min_spp,
         camera,
         seed: args.seed,
         threads: args.threads.map_or_else(default_threads, |n| n as usize),
@@ -214,6 +236,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
             Switch::On => Roulette::On,
             Switch::Off => Roulette::Off,
         },
+        roulette_start: args.roulette_start,
         strategy: match args.strategy {
             StrategyName::Mis => Strategy::MisPower,
             StrategyName::MisBalance => Strategy::MisBalance,
@@ -231,12 +254,13 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
         },
         isa: args.isa.clone(),
         forced: if args.no_plan { Gate::ALL.to_vec() } else { Vec::new() },
+        robust: args.robust == Switch::On,
         ..RenderOptions::default()
     }
 }
 
 /// A camera by name, else by index, else the first. Whether it exists is for the plan to say.
-pub fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
+fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
     match text {
         None => CameraChoice::First,
         Some(name) if scene.cameras.iter().any(|camera| camera.name == name) => CameraChoice::Name(name.into()),
@@ -245,7 +269,7 @@ pub fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
 }
 
 /// The camera that a choice means, if the scene has it.
-pub fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
+fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
     match choice {
         CameraChoice::First => scene.cameras.first(),
         CameraChoice::Index(index) => scene.cameras.get(*index),

@@ -2,6 +2,7 @@
 //! [`report`] and [`progress`]. stdout carries only what was asked for (JSON, tables, `--progress ndjson`); everything
 //! else goes to stderr. Nothing here computes light.
 
+pub mod accuracy;
 pub mod args;
 pub mod bench;
 pub mod compare;
@@ -36,6 +37,7 @@ pub fn run(cli: &Cli) -> Result<u8> {
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Bench(args) => bench::run(args),
+        Command::Accuracy(args) => accuracy::run(args),
         Command::Doctor => doctor::run(),
     }
 }

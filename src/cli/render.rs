@@ -13,6 +13,7 @@ use super::signal::Signals;
 use super::{EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, to_json};
 use crate::error::{Error, Result};
 use crate::film::Film;
+use crate::film::aov::{self, Sources};
 use crate::film::atomic::write_atomically;
 use crate::film::exr::{ExrOptions, ViewMatrices};
 use crate::render::{Render, Renderer, StopReason};
@@ -32,10 +33,10 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let start = Instant::now();
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     let signals = Signals::listen()?;
-    job::check(args)?;
+    job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment))?;
     verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
@@ -85,7 +86,7 @@ fn render(args: &RenderArgs) -> Result<u8> {
 
 /// A signal first (the picture is not what was asked for), then samples that are not finite, then a missed target.
 fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option<u8>) -> u8 {
-    let reached = |target: f64| stats.error.is_some_and(|error| error.relmse.sqrt() <= target);
+    let reached = |target: f64| stats.error.is_some_and(|error| error.limit <= target);
     match (render.stop, signal) {
         (StopReason::Callback, Some(code)) => code,
         _ if render.counters.nonfinite > 0 => EXIT_NONFINITE,
@@ -103,11 +104,18 @@ fn exr_options(
     record: &PlanRecord,
 ) -> ExrOptions {
     let backend = renderer.backend_info();
+    let sources = Sources {
+        film: &render.film,
+        lengths: render.lengths.as_ref(),
+        first_hits: render.first_hits.as_deref(),
+        max_depth: renderer.plan().max_depth,
+    };
     ExrOptions {
-        aovs: args.aov.clone(),
+        channels: aov::channels(&renderer.plan().aovs, &sources),
+        half: args.half,
         render_seconds: Some(render.render_time.as_secs_f64()),
         view: Some(view_matrices(renderer, scene)),
-        seed: Some(args.seed),
+        seed: Some(args.settings.seed),
         sample_range: Some((0, render.film.spp().min)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
         isa: Some(backend.isa.clone()),

@@ -1,5 +1,5 @@
 //! OpenEXR: films out, pictures in. One part, scan lines, ZIP, 32-bit float; beauty is the unnamed `R,G,B,A` (scene-linear
-//! Rec.709, premultiplied), extra outputs are dotted channels (`variance.R`, `spp.Y`). The data window is the crop inside
+//! Rec.709, premultiplied), extra outputs are dotted channels made by [`aov`](super::aov). The data window is the crop inside
 //! the full display window. Attributes as DESIGN §9 lists them.
 //!
 //! Means beyond the range of f32 are written as ±[`f32::MAX`], never as infinity.
@@ -11,46 +11,12 @@ use std::path::Path;
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, IntegerBounds, Layer,
-    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage, f16,
 };
 
-use super::{Film, Pixel};
+use super::Film;
+use super::aov::Channel;
 use crate::error::{Error, Result};
-
-/// Extra outputs of `--aov`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Aov {
-    /// Estimated variance of each pixel's mean, `variance.R`, `.G`, `.B`.
-    Variance,
-    /// Its square root, `stderr.R`, `.G`, `.B`.
-    Stderr,
-    /// Samples of each pixel, `spp.Y`.
-    Spp,
-}
-
-impl Aov {
-    /// Every extra output.
-    pub const ALL: [Aov; 3] = [Aov::Variance, Aov::Stderr, Aov::Spp];
-
-    /// Layer name in the file and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Aov::Variance => "variance",
-            Aov::Stderr => "stderr",
-            Aov::Spp => "spp",
-        }
-    }
-}
-
-impl std::str::FromStr for Aov {
-    type Err = String;
-    fn from_str(s: &str) -> std::result::Result<Self, String> {
-        Aov::ALL
-            .into_iter()
-            .find(|aov| aov.name() == s)
-            .ok_or_else(|| format!("'{s}' is not one of variance, stderr, spp"))
-    }
-}
 
 /// Camera matrices of the OpenEXR standard attributes, row by row for row vectors; `camera::CameraRays` makes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,8 +30,10 @@ pub struct ViewMatrices {
 /// What a file says besides its pixels. Everything is optional; what is `None` is not written.
 #[derive(Clone, Debug, Default)]
 pub struct ExrOptions {
-    /// Extra outputs.
-    pub aovs: Vec<Aov>,
+    /// R, G, B and A in 16 bits instead of 32 (rounded to 11 bits of mantissa, at most ±65504); extra outputs stay 32.
+    pub half: bool,
+    /// Extra outputs, see [`aov::channels`](super::aov::channels).
+    pub channels: Vec<Channel>,
     /// Wall time of the render, `renderTimeSeconds`.
     pub render_seconds: Option<f64>,
     /// Where the camera was.
@@ -93,7 +61,7 @@ impl Film {
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = Vec2(window.width as usize, window.height as usize);
-        let channels = AnyChannels::sort(self.channels(&options.aovs).into_iter().collect());
+        let channels = AnyChannels::sort(self.channels(options).into_iter().collect());
         let mut image = Image::from_layer(Layer::new(size, self.layer_attributes(options), encoding, channels));
         let resolution = Vec2(self.resolution.0 as usize, self.resolution.1 as usize);
         image.attributes.display_window = IntegerBounds::from_dimensions(resolution);
@@ -106,22 +74,21 @@ impl Film {
         })
     }
 
-    fn channels(&self, aovs: &[Aov]) -> Vec<AnyChannel<FlatSamples>> {
-        let channel = |name: &str, value: &dyn Fn(&Pixel) -> f64| {
-            AnyChannel::new(name, FlatSamples::F32(self.pixels.iter().map(|pixel| stored(value(pixel))).collect()))
-        };
-        let variance = |pixel: &Pixel, c: usize| pixel.variance().map_or(0.0, |v| v[c]);
-        let mut list: Vec<_> =
-            ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| channel(name, &|p| p.mean()[c])).collect();
-        for aov in aovs {
-            let rgb = ["R", "G", "B"].into_iter().enumerate().map(|(c, name)| (c, format!("{}.{name}", aov.name())));
-            match aov {
-                Aov::Variance => list.extend(rgb.map(|(c, name)| channel(&name, &|p| variance(p, c)))),
-                Aov::Stderr => list.extend(rgb.map(|(c, name)| channel(&name, &|p| variance(p, c).sqrt()))),
-                Aov::Spp => list.push(channel("spp.Y", &|p| p.samples() as f64)),
-            }
-        }
-        list
+    fn channels(&self, options: &ExrOptions) -> Vec<AnyChannel<FlatSamples>> {
+        let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| {
+            let values = self.pixels.iter().map(|pixel| pixel.mean()[c]);
+            let samples = if options.half {
+                FlatSamples::F16(values.map(stored_half).collect())
+            } else {
+                FlatSamples::F32(values.map(stored).collect())
+            };
+            AnyChannel::new(name, samples)
+        });
+        let extra = options.channels.iter().map(|channel| {
+            debug_assert_eq!(channel.values.len(), self.pixels.len(), "values of channel {}", channel.name);
+            AnyChannel::new(channel.name.as_str(), FlatSamples::F32(channel.values.clone()))
+        });
+        beauty.chain(extra).collect()
     }
 
     fn layer_attributes(&self, options: &ExrOptions) -> LayerAttributes {
@@ -179,8 +146,18 @@ const MOST_PIXELS: u64 = 1 << 28;
 const MOST_PIXELS_PER_BYTE: u64 = 1032;
 
 /// A mean as it is stored: rounded to f32 and saturated.
-fn stored(value: f64) -> f32 {
+pub(super) fn stored(value: f64) -> f32 {
     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+}
+
+/// A mean as it is stored in 16 bits: rounded once, and saturated.
+fn stored_half(value: f64) -> f16 {
+    f16::from_f64(value.clamp(f16::MIN.to_f64(), f16::MAX.to_f64()))
+}
+
+/// What a reader finds where `value` was written in 16 bits.
+pub fn through_half(value: f64) -> f64 {
+    stored_half(value).to_f64()
 }
 
 /// Pixels of a data window and where it lies.

@@ -4,6 +4,7 @@
 //! with negative lobes make at edges, are kept. Values that are not finite never enter: the caller counts them and adds
 //! zero instead.
 
+pub mod aov;
 pub mod atomic;
 pub mod estimate;
 pub mod exr;

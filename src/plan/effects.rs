@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::options::{RenderOptions, Strategy};
+use super::options::{Aov, RenderOptions, Strategy};
 use crate::scene::{Material, Projection, PunctualKind, Scene};
 
 /// An effect that is not simulated, and why.
@@ -72,6 +72,8 @@ pub struct Features {
     pub all_general: bool,
     /// Light samples where only delta lobes scatter; only by force.
     pub lights_at_deltas: bool,
+    /// A pass of its own over what camera rays meet first.
+    pub first_hit: bool,
 }
 
 /// A stage, or a part of one, that can be made to run although nothing calls for it: for tests that it changes nothing,
@@ -214,8 +216,11 @@ pub fn find(scene: &Scene, options: &RenderOptions, camera: usize, instanced: bo
     if instanced {
         found.mark(&mut f.instancing, 30, "instancing", || format!("{} placements", scene.instances.len()));
     }
-    if options.per_length {
+    if options.per_length || options.aovs.contains(&Aov::Bounces) {
         found.mark(&mut f.per_length, 31, "per-length-images", || "asked for".into());
+    }
+    if let Some(aov) = options.aovs.iter().find(|aov| aov.is_of_first_hit()) {
+        found.mark(&mut f.first_hit, 32, "first-hit", || format!("channels '{}'", aov.name()));
     }
     if let Some(Projection::Orthographic { .. }) = scene.cameras.get(camera).map(|c| c.projection)
         && f.lens

@@ -11,10 +11,11 @@ use serde::Serialize;
 
 use crate::backend::{BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
+use crate::math::isa;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 pub use effects::{Effects, Features, Gate, Ignored};
-use options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
+use options::{Aov, CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
 /// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
 /// stay inside 1 MiB of L2.
@@ -82,6 +83,8 @@ pub struct RenderPlan {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex at which roulette may end a path; 1 is the first surface.
+    pub roulette_start: u32,
     /// How the two samplings are combined.
     pub strategy: Strategy,
     /// Random numbers.
@@ -92,12 +95,18 @@ pub struct RenderPlan {
     pub rays: RayModes,
     /// Instruction set to pin.
     pub isa: Option<String>,
+    /// Whether shading runs in AVX-512: the processor has it and no narrower instruction set is pinned.
+    pub avx512: bool,
+    /// Robust traversal.
+    pub robust: bool,
     /// Paths of one wave.
     pub wave: usize,
     /// The gates that the stages read.
     pub features: Features,
     /// The same for people and programs.
     pub effects: Effects,
+    /// Extra outputs.
+    pub aovs: Vec<Aov>,
     /// Names of the stages that run, in order.
     pub stages: Vec<&'static str>,
     /// Known biases.
@@ -153,7 +162,10 @@ impl RenderPlan {
             bounce: mode(QueryMode::Packet16),
             shadow: mode(QueryMode::Packet16),
         };
-        let what = format!("max-depth {}", options.max_depth);
+        let mut bias = vec![Bias { what: format!("max-depth {}", options.max_depth), energy_removed: None }];
+        if !options.robust {
+            bias.push(Bias { what: "robust off".into(), energy_removed: None });
+        }
         Ok(RenderPlan {
             resolution,
             window: resolve_window(resolution, options.crop)?,
@@ -170,16 +182,20 @@ impl RenderPlan {
             threads: resolve_threads(options.threads),
             max_depth: options.max_depth,
             roulette: options.roulette,
+            roulette_start: options.roulette_start,
             strategy: options.strategy,
             sampler: options.sampler,
             backend,
             rays,
             isa: options.isa.clone(),
+            avx512: options.isa.as_deref().is_none_or(|name| name == "avx512") && isa::has_avx512(),
+            robust: options.robust,
             wave: WAVE,
             stages: stages(&features, options),
             features,
             effects,
-            bias: vec![Bias { what, energy_removed: None }],
+            aovs: options.aovs.clone(),
+            bias,
         })
     }
 
@@ -189,7 +205,7 @@ impl RenderPlan {
             incoherent: self.rays.bounce,
             coherent: self.rays.camera,
             shadow: self.rays.shadow,
-            robust: true,
+            robust: self.robust,
             isa: self.isa.clone(),
             build_threads: self.threads,
         }
@@ -269,7 +285,7 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let all: [(&'static str, bool); 16] = [
+    let all: [(&'static str, bool); 18] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
         ("closest-hit", true),
@@ -286,6 +302,8 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("light-sampling", f.light_sampling),
         ("any-hit", f.light_sampling),
         ("accumulate", true),
+        ("per-length", f.per_length),
+        ("first-hit", f.first_hit),
     ];
     all.iter().filter(|(_, runs)| *runs).map(|(name, _)| *name).collect()
 }

@@ -29,6 +29,27 @@ pub enum SamplerKind {
     Independent,
 }
 
+/// Extra outputs of `--aov`; `film::aov` makes their channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Estimated variance of each pixel's mean.
+    Variance,
+    /// Its square root.
+    Stderr,
+    /// Samples of each pixel.
+    Spp,
+    /// One image per number of scatterings.
+    Bounces,
+    /// Base colour of what is met first.
+    Albedo,
+    /// Shading normal there, in the world.
+    Normal,
+    /// Distance along the view axis to it, metres.
+    Depth,
+    /// World position of it, metres.
+    Position,
+}
+
 /// Rectangle of pixels inside the full image, in pixels from its top left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crop {
@@ -86,6 +107,9 @@ pub struct Lens {
     pub focus_m: f32,
 }
 
+/// Default of [`RenderOptions::roulette_start`]: paths that carry much survive by the rule itself.
+pub const ROULETTE_START: u32 = 1;
+
 /// Everything a render can be told. `Default` is what the command line does without flags.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
@@ -117,6 +141,8 @@ pub struct RenderOptions {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex (1 is the first surface) at which [`Roulette::On`] may end a path.
+    pub roulette_start: u32,
     /// MIS or one of the single strategies.
     pub strategy: Strategy,
     /// Where the random numbers come from.
@@ -127,8 +153,12 @@ pub struct RenderOptions {
     pub rays: Option<QueryMode>,
     /// Instruction set to pin.
     pub isa: Option<String>,
-    /// Whether one film per path length is kept.
+    /// Robust traversal. Off only as a measured choice: Embree then loses rays between triangles.
+    pub robust: bool,
+    /// Whether one film per path length is kept; `Aov::Bounces` asks for it too.
     pub per_length: bool,
+    /// Extra outputs.
+    pub aovs: Vec<Aov>,
     /// Stages that run although nothing calls for them; the picture stays the same. For tests and benches.
     pub forced: Vec<Gate>,
 }
@@ -150,12 +180,15 @@ impl Default for RenderOptions {
             filter: FilterKind::BlackmanHarris,
             max_depth: 64,
             roulette: Roulette::On,
+            roulette_start: ROULETTE_START,
             strategy: Strategy::MisPower,
             sampler: SamplerKind::Sobol,
             backend: None,
             rays: None,
             isa: None,
+            robust: true,
             per_length: false,
+            aovs: Vec::new(),
             forced: Vec::new(),
         }
     }

@@ -122,7 +122,7 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--spp", "0"], "--spp"),
         (&["render", "a.gltf", "-o", "a.exr", "--width", "0"], "--width"),
         (&["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"], "blackman-harris"),
-        (&["render", "a.gltf", "-o", "a.exr", "--aov", "albedo"], "variance"),
+        (&["render", "a.gltf", "-o", "a.exr", "--aov", "colour"], "bounces"),
         (&["render", "a.gltf", "-o", "a.png", "--aov", "spp"], "--aov"),
         (&["render", "a.gltf", "-o", "a.exr", "--aov", "spp,stderr,spp"], "--aov: 'spp'"),
         (&["render", "a.gltf", "-o", "a.exr", "--exposure", "1"], "--exposure"),

@@ -5,7 +5,9 @@ use exr::prelude::{
     WritableImage, read_first_flat_layer_from_file,
 };
 use pathspace::Error;
-use pathspace::film::exr::{Aov, ExrOptions, ViewMatrices, read_exr};
+use pathspace::film::aov::{self, Aov, FirstHit, Sources};
+use pathspace::film::exr::{ExrOptions, ViewMatrices, read_exr};
+use pathspace::film::lengths::{LENGTHS, LengthSums};
 use pathspace::film::{Film, Pixel};
 use pathspace::render::Crop;
 
@@ -45,8 +47,16 @@ fn attributes_and_channels_are_those_of_the_contract() {
     let path = folder.path().join("full.exr");
     let film = gradient((4, 3), Crop { x: 0, y: 0, width: 4, height: 3 });
     let view = ViewMatrices { world_to_camera: [2.0; 16], world_to_ndc: [3.0; 16] };
+    let mut lengths = LengthSums::new(film.window);
+    for (sums, n) in lengths.sums.iter_mut().zip(&mut lengths.n) {
+        *sums = std::array::from_fn(|edges| [2.0 * edges as f64; 3]);
+        *n = 2;
+    }
+    let hit = FirstHit { albedo: [0.1, 0.2, 0.3], normal: [0.0, 0.0, 1.0], depth: 4.0, position: [5.0, 6.0, 7.0] };
+    let hits = [hit; 12];
+    let sources = Sources { film: &film, lengths: Some(&lengths), first_hits: Some(&hits), max_depth: 64 };
     let options = ExrOptions {
-        aovs: Aov::ALL.to_vec(),
+        channels: aov::channels(&Aov::ALL, &sources),
         render_seconds: Some(1.5),
         view: Some(view),
         seed: Some(u64::MAX),
@@ -54,14 +64,22 @@ fn attributes_and_channels_are_those_of_the_contract() {
         backend: Some("brute 0.1.0".into()),
         isa: Some("scalar".into()),
         plan: Some("camera 日, 3 × é".into()),
+        half: false,
     };
     film.write_exr(&path, &options).expect("a writable folder");
     let image = read_first_flat_layer_from_file(&path).expect("just written");
     let layer = &image.layer_data;
 
     let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
-    let expected =
-        ["A", "B", "G", "R", "spp.Y", "stderr.B", "stderr.G", "stderr.R", "variance.B", "variance.G", "variance.R"];
+    let bounces = (0..15).map(|k| format!("bounce_{k:02}")).chain(["bounce_tail".into()]);
+    let mut expected: Vec<String> = ["variance", "stderr", "albedo"]
+        .map(String::from)
+        .into_iter()
+        .chain(bounces)
+        .flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}.{c}")))
+        .chain(["R", "G", "B", "A", "spp.Y", "Z", "N.X", "N.Y", "N.Z", "P.X", "P.Y", "P.Z"].map(String::from))
+        .collect();
+    expected.sort();
     assert_eq!(names, expected);
     let channel = |name: &str| -> Vec<f32> {
         let found = layer.channel_data.list.iter().find(|c| c.name.eq(name)).expect("listed above");
@@ -70,6 +88,14 @@ fn attributes_and_channels_are_those_of_the_contract() {
     // Halves of one sample each that differ by 2: (A − B)²/4 = 1.
     assert_eq!((channel("variance.R"), channel("stderr.R")), (vec![1.0; 12], vec![1.0; 12]));
     assert_eq!((channel("variance.B"), channel("spp.Y")), (vec![0.0; 12], vec![2.0; 12]));
+    // Paths of e edges have e − 1 bounces; the last accumulator is the tail. A depth limit leaves out what cannot be.
+    assert_eq!((channel("bounce_00.G"), channel("bounce_14.R")), (vec![1.0; 12], vec![15.0; 12]));
+    assert_eq!(channel("bounce_tail.B"), vec![(LENGTHS - 1) as f32; 12]);
+    assert_eq!((channel("N.Z"), channel("Z"), channel("P.Y")), (vec![1.0; 12], vec![4.0; 12], vec![6.0; 12]));
+    for (max_depth, count) in [(1, 3), (15, 45), (16, 48), (17, 48)] {
+        assert_eq!(aov::channels(&[Aov::Bounces], &Sources { max_depth, ..sources }).len(), count);
+        assert_eq!(aov::channel_count(Aov::Bounces, max_depth), count);
+    }
 
     let attributes = &layer.attributes;
     assert_eq!(attributes.world_to_camera, Some([2.0; 16]));

@@ -14,9 +14,9 @@ const LAYERS: &[&[&str]] = &[
     &["backend"],
     &["plan"],
     &["camera", "sampler", "texture", "shading", "film"],
-    &["wavefront", "accuracy"],
+    &["wavefront"],
     &["render"],
-    &["stats", "bench"],
+    &["stats", "bench", "accuracy"],
     &["cli"],
     &["main"],
 ];

@@ -1,6 +1,7 @@
 //! The test suite: one module per theme. Each test states its oracle and its false-alarm rate.
 
 mod agreement;
+mod aov;
 mod bench;
 mod bsdf;
 mod camera;
@@ -19,6 +20,7 @@ mod plan;
 mod readme;
 mod reference;
 mod sampling;
+mod selection;
 mod spawn;
 mod textures;
 mod transport;
