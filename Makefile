@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench test test-nolib lint setup setup-nolib setup-lint
+.PHONY: help render bench gates test test-nolib lint setup setup-nolib setup-lint setup-gates
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -14,9 +14,10 @@ help:
 	@echo 'make test         set up, build, run the whole test suite'
 	@echo 'make test-nolib   the same without any C or C++ library'
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
+	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
-	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy as well'
+	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind'
 
 setup:
 	@scripts/setup.sh
@@ -27,6 +28,9 @@ setup-nolib:
 setup-lint:
 	@scripts/setup.sh lint
 
+setup-gates:
+	@scripts/setup.sh gates
+
 render: setup
 	cargo build --release
 	target/release/pathspace render $(SCENE) -o cornell-box.exr --png cornell-box.png --width 512 --height 512 --spp 256
@@ -36,6 +40,10 @@ render: setup
 # `make bench BENCH=trace/spheres` runs those alone.
 bench: setup
 	cargo bench --bench bvh_build --bench trace --bench shade --bench texture --bench frame -- $(BENCH)
+
+# `make gates FILTER=lens` measures one row; `make gates BASELINE=write` records the base scene's cost anew.
+gates: setup-gates
+	cargo bench --bench gates
 
 test: setup
 	cargo test --workspace $(TESTS)

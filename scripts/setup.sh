@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs what building pathspace needs on Debian 12 and 13, through apt-get, and only what is missing.
-# Usage: scripts/setup.sh [nolib | lint]      nolib: without Embree (cargo's --no-default-features)
-#                                             lint: rustfmt and clippy as well, through rustup
+# Usage: scripts/setup.sh [nolib | lint | gates]      nolib: without Embree (cargo's --no-default-features)
+#                                                     lint: rustfmt and clippy as well, through rustup
+#                                                     gates: valgrind as well
 # Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
 
 set -euo pipefail
@@ -15,12 +16,15 @@ installed() { [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = i
 
 # A C compiler links every Rust program; Embree's declarations are read from its header with libclang.
 packages=(gcc libc6-dev make)
+# What measuring needs on top.
+tools=()
 case "${1:-}" in
   nolib) ;;
-  '' | lint)
+  '' | lint | gates)
     [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
-    packages+=(libclang-dev) ;;
-  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint]" ;;
+    packages+=(libclang-dev)
+    [ "${1:-}" != gates ] || tools+=(valgrind) ;;
+  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint | gates]" ;;
 esac
 
 # Rust first: apt-get cannot help with it, Debian's own is too old.
@@ -44,11 +48,11 @@ if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   fail "no apt-get here. Install a C compiler, libclang and Embree 3.13 or 4.x by your system's means (or set EMBREE_DIR), then: cargo build --release"
 fi
 missing=()
-for package in "${packages[@]}"; do
+for package in "${packages[@]}" "${tools[@]}"; do
   installed "$package" || missing+=("$package")
 done
 if [ ${#missing[@]} -eq 0 ]; then
-  say "nothing to install: Rust $rust, ${packages[*]} are there"
+  say "nothing to install: Rust $rust, ${packages[*]}${tools[*]:+ ${tools[*]}} are there"
   exit 0
 fi
 

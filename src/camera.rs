@@ -89,10 +89,11 @@ impl CameraRays {
         self.has_lens
     }
 
-    /// Origin and unit direction of the ray through a film point and a point of the lens (a unit square).
+    /// Origin and unit direction of the ray through a film point and a point of the lens (a unit square). A pinhole is a
+    /// lens of radius 0, bit for bit; only parallel rays know no lens.
     #[inline(always)]
     pub fn ray(&self, film_x: f32, film_y: f32, lens_uv: [f32; 2]) -> (Vec3, Vec3) {
-        if self.has_lens { self.lens_ray(film_x, film_y, lens_uv) } else { self.pinhole_ray(film_x, film_y) }
+        if self.parallel { self.pinhole_ray(film_x, film_y) } else { self.lens_ray(film_x, film_y, lens_uv) }
     }
 
     /// As [`ray`](Self::ray) for a camera without a lens.

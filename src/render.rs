@@ -170,13 +170,14 @@ impl<'a> Renderer<'a> {
             .map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
         let backend = backend::build(plan.backend, &geometry, &plan.backend_options())?;
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        let kind = |m| if plan.features.all_general { Kind::General } else { queue::kind_of(m) };
         Ok(Renderer {
             scene,
             lights,
             backend,
             camera,
             filter: FilterTable::new(plan.filter),
-            kinds: scene.materials.iter().map(queue::kind_of).collect(),
+            kinds: scene.materials.iter().map(kind).collect(),
             albedo: SpecularAlbedo::for_materials(&scene.materials),
             pool,
             geometry,

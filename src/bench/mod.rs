@@ -130,8 +130,8 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
     if plan.threads > 1 {
         pools.push(replay::pool(plan.threads)?);
     }
-    let isa = plan.isa.as_deref();
-    let setup = Setup { geometry: renderer.geometry(), recording: &recording, pools: &pools, isa };
+    let asked = plan.backend_options();
+    let setup = Setup { geometry: renderer.geometry(), recording: &recording, pools: &pools, options: &asked };
     // The renderer's backend comes first: it is the reference of the others.
     let mut kinds = vec![plan.backend];
     kinds.extend(BackendKind::available().iter().filter(|kind| **kind != plan.backend));

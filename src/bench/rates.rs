@@ -89,8 +89,8 @@ pub struct Setup<'a> {
     pub recording: &'a Recording,
     /// One thread, and all threads if those are more.
     pub pools: &'a [ThreadPool],
-    /// Instruction set to pin, for Embree.
-    pub isa: Option<&'a str>,
+    /// What the render's backend was asked for; the query modes are replaced.
+    pub options: &'a BackendOptions,
 }
 
 /// Why `kind` is not measured on `geometry`, if it is not.
@@ -128,7 +128,8 @@ pub fn measure(kind: BackendKind, setup: &Setup) -> Result<BackendRates> {
     for mode in QueryMode::ALL {
         // What a mode runs as is known without the scene.
         let options = |threads| BackendOptions {
-            isa: setup.isa.filter(|_| kind == BackendKind::Embree).map(String::from),
+            isa: setup.options.isa.clone().filter(|_| kind == BackendKind::Embree),
+            robust: setup.options.robust,
             build_threads: threads,
             ..BackendOptions::with_mode(mode)
         };

@@ -105,7 +105,7 @@ pub struct RenderArgs {
     pub verbose: bool,
 }
 
-/// Picture, camera, environment, transport and machine, as `render` and `accuracy` take them.
+/// Picture, camera, environment, transport and machine, as `render`, `accuracy` and `bench` take them.
 #[derive(Debug, Args)]
 pub struct SettingsArgs {
     /// Columns of the full picture, pixels [default: from the height and the aspect; else what the scene suggests, else 1280]
@@ -169,6 +169,10 @@ pub struct SettingsArgs {
     /// Pin Embree's instruction set; the other backends have nothing to pin
     #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
     pub isa: Option<String>,
+
+    /// Run every stage, also those that nothing calls for: the same picture, later
+    #[arg(long, hide = true)]
+    pub no_plan: bool,
 }
 
 /// The environment, as `render` and `info` take it.
@@ -258,41 +262,16 @@ pub struct BenchArgs {
     #[arg(short, long, help_heading = "Output")]
     pub quiet: bool,
 
-    /// Columns of the frame, pixels [default: as for render]
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
-    pub width: Option<u32>,
-    /// Rows of the frame, pixels [default: as for render]
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
-    pub height: Option<u32>,
     /// Samples per pixel of the frame
     #[arg(long, visible_alias = "samples", value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..), help_heading = "Frame")]
     pub spp: u64,
     /// Pairs of render and replay behind the tracing efficiency
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000), help_heading = "Frame")]
     pub pairs: usize,
-    /// Camera by name, or by index from 0 [default: the first]
-    #[arg(long, value_name = "NAME|INDEX", help_heading = "Frame")]
-    pub camera: Option<String>,
-    /// Longest path in edges
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
-    pub max_depth: u32,
-    /// Seed of every random number
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Frame")]
-    pub seed: u64,
 
-    /// The environment.
+    /// The same as of a render.
     #[command(flatten)]
-    pub environment: EnvironmentArgs,
-
-    /// Threads of the frame and of the second set of rates [default: as for render]
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
-    pub threads: Option<u32>,
-    /// Backend that renders the frame and that the others are held to [default: the fastest of this build]
-    #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
-    pub backend: Option<BackendKind>,
-    /// Pin Embree's instruction set
-    #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
-    pub isa: Option<String>,
+    pub settings: SettingsArgs,
 }
 
 /// `accuracy`.

@@ -27,25 +27,12 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
         }
         check_writable(path)?;
     }
-    job::check_isa(args.backend, args.isa.as_deref())?;
+    job::check(&args.settings)?;
     let verbosity = Verbosity::of(args.quiet, false);
-    let scene = job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
+    let scene = job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment))?;
     verbosity.warnings(&scene.warnings);
 
-    let camera = job::camera_choice(args.camera.as_deref(), &scene);
-    let (width, height) = job::picture_size(args.width, args.height, &scene, job::camera_of(&scene, &camera));
-    let render = RenderOptions {
-        width,
-        height,
-        camera,
-        spp: Some(args.spp),
-        max_depth: args.max_depth,
-        seed: args.seed,
-        threads: args.threads.map_or_else(job::default_threads, |n| n as usize),
-        backend: args.backend,
-        isa: args.isa.clone(),
-        ..RenderOptions::default()
-    };
+    let render = RenderOptions { spp: Some(args.spp), ..job::settings(&args.settings, &scene) };
     job::check_memory(&render)?;
     let options = BenchOptions { render, pairs: args.pairs };
     let report = bench::run(&scene, &options, |step| verbosity.note(format_args!("{step} …")))?;

@@ -13,6 +13,7 @@ use crate::film::Pixel;
 use crate::film::aov::{Aov, FirstHit, channel_count};
 use crate::film::atomic::check_writable;
 use crate::film::lengths::LENGTHS;
+use crate::plan::Gate;
 use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
@@ -115,27 +116,17 @@ fn place(path: &Path) -> PathBuf {
 /// # Errors
 /// [`Error::Option`] naming the option.
 pub fn check(args: &SettingsArgs) -> Result<()> {
-    check_isa(args.backend, args.isa.as_deref())?;
     let backend = args.backend.unwrap_or(BackendKind::available()[0]);
+    if args.isa.is_some() && backend != BackendKind::Embree {
+        let name = backend.name();
+        return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
+    }
     if args.robust == Switch::Off && backend != BackendKind::Embree {
         let name = backend.name();
         return refuse("--robust", format!("backend '{name}' is always robust; only 'embree' can do without"));
     }
     if args.roulette == Switch::Off && args.roulette_start != ROULETTE_START {
         return refuse("--roulette-start", "it has no effect with --roulette off".into());
-    }
-    Ok(())
-}
-
-/// Refuses an instruction set that the backend cannot pin.
-///
-/// # Errors
-/// [`Error::Option`] naming the option.
-pub fn check_isa(backend: Option<BackendKind>, isa: Option<&str>) -> Result<()> {
-    let backend = backend.unwrap_or(BackendKind::available()[0]);
-    if isa.is_some() && backend != BackendKind::Embree {
-        let name = backend.name();
-        return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
     }
     Ok(())
 }
@@ -262,13 +253,14 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
             Rays::Mode(mode) => Some(mode),
         },
         isa: args.isa.clone(),
+        forced: if args.no_plan { Gate::ALL.to_vec() } else { Vec::new() },
         robust: args.robust == Switch::On,
         ..RenderOptions::default()
     }
 }
 
 /// A camera by name, else by index, else the first. Whether it exists is for the plan to say.
-pub fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
+fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
     match text {
         None => CameraChoice::First,
         Some(name) if scene.cameras.iter().any(|camera| camera.name == name) => CameraChoice::Name(name.into()),
@@ -277,7 +269,7 @@ pub fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
 }
 
 /// The camera that a choice means, if the scene has it.
-pub fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
+fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
     match choice {
         CameraChoice::First => scene.cameras.first(),
         CameraChoice::Index(index) => scene.cameras.get(*index),

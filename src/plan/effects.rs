@@ -66,8 +66,88 @@ pub struct Features {
     pub instancing: bool,
     /// One accumulator per path length.
     pub per_length: bool,
+    /// Light samples at surfaces: there is a light, and the strategy wants them.
+    pub light_sampling: bool,
+    /// Every material is shaded by the general kernel; only by force.
+    pub all_general: bool,
+    /// Light samples where only delta lobes scatter; only by force.
+    pub lights_at_deltas: bool,
     /// A pass of its own over what camera rays meet first.
     pub first_hit: bool,
+}
+
+/// A stage, or a part of one, that can be made to run although nothing calls for it: for tests that it changes nothing,
+/// and for counts of what it would cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Gate {
+    /// Camera rays from a lens, here of radius 0. (Cameras with parallel rays have none.)
+    Lens,
+    /// Interpolated normals, here of flat triangles.
+    SmoothNormals,
+    /// Look-ups, here of materials that read no texture.
+    Textures,
+    /// The general kernel, here for materials that a lean one serves.
+    General,
+    /// Absorption, here of solids that absorb nothing.
+    Absorption,
+    /// Escaped rays, here into blackness.
+    Environment,
+    /// Light samples, here of no light.
+    LightSampling,
+    /// Light samples where only delta lobes scatter, which reflect nothing of them.
+    LightsAtDeltas,
+    /// One accumulator per path length, here for nobody.
+    PerLength,
+}
+
+impl Gate {
+    /// Every gate: what `--no-plan` opens.
+    pub const ALL: [Gate; 9] = [
+        Gate::Lens,
+        Gate::SmoothNormals,
+        Gate::Textures,
+        Gate::General,
+        Gate::Absorption,
+        Gate::Environment,
+        Gate::LightSampling,
+        Gate::LightsAtDeltas,
+        Gate::PerLength,
+    ];
+
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Gate::Lens => "lens",
+            Gate::SmoothNormals => "smooth-normals",
+            Gate::Textures => "textures",
+            Gate::General => "general-kernel",
+            Gate::Absorption => "absorption",
+            Gate::Environment => "environment",
+            Gate::LightSampling => "light-sampling",
+            Gate::LightsAtDeltas => "lights-at-deltas",
+            Gate::PerLength => "per-length-images",
+        }
+    }
+}
+
+impl Features {
+    /// Opens gates that nothing calls for. The picture stays the same, bit for bit: a strategy that must not sample lights
+    /// does not.
+    pub fn force(&mut self, gates: &[Gate], strategy: Strategy) {
+        for gate in gates {
+            match gate {
+                Gate::Lens => self.lens = true,
+                Gate::SmoothNormals => self.smooth_normals = true,
+                Gate::Textures => self.textures = true,
+                Gate::General => self.all_general = true,
+                Gate::Absorption => self.absorption = true,
+                Gate::Environment => self.environment = true,
+                Gate::LightSampling => self.light_sampling = strategy != Strategy::BsdfOnly,
+                Gate::LightsAtDeltas => self.lights_at_deltas = true,
+                Gate::PerLength => self.per_length = true,
+            }
+        }
+    }
 }
 
 /// Collects effects in a fixed order, with the first reason for each.
@@ -83,8 +163,9 @@ impl Found {
     }
 }
 
-/// Finds the effects of `scene` under `options`. `instanced` tells whether placements stay instanced.
-pub fn find(scene: &Scene, options: &RenderOptions, instanced: bool) -> (Features, Effects) {
+/// Finds the effects of `scene` under `options`, seen by the camera of that number. `instanced` tells whether placements
+/// stay instanced.
+pub fn find(scene: &Scene, options: &RenderOptions, camera: usize, instanced: bool) -> (Features, Effects) {
     let mut features = Features::default();
     let mut found = Found::default();
     let mut ignored = Vec::new();
@@ -141,7 +222,7 @@ pub fn find(scene: &Scene, options: &RenderOptions, instanced: bool) -> (Feature
     if let Some(aov) = options.aovs.iter().find(|aov| aov.is_of_first_hit()) {
         found.mark(&mut f.first_hit, 32, "first-hit", || format!("channels '{}'", aov.name()));
     }
-    if let Some(Projection::Orthographic { .. }) = scene.cameras.first().map(|c| c.projection)
+    if let Some(Projection::Orthographic { .. }) = scene.cameras.get(camera).map(|c| c.projection)
         && f.lens
     {
         f.lens = false;
@@ -149,6 +230,7 @@ pub fn find(scene: &Scene, options: &RenderOptions, instanced: bool) -> (Feature
         push_once(&mut ignored, "lens".into(), "an orthographic camera has no aperture");
     }
 
+    f.light_sampling = options.strategy != Strategy::BsdfOnly && (f.area_lights || f.environment || f.punctual);
     let simulated = found.reasons.values().map(|(name, _)| name.to_string()).collect();
     let mut found: Vec<String> = found.reasons.values().map(|(name, why)| format!("{name} ({why})")).collect();
     found.extend(ignored.iter().map(|i: &Ignored| i.what.clone()));

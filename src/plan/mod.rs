@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::math::isa;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
-pub use effects::{Effects, Features, Ignored};
+pub use effects::{Effects, Features, Gate, Ignored};
 use options::{Aov, CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
 /// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
@@ -153,7 +153,9 @@ impl RenderPlan {
             return refuse("--backend", format!("{} is not in this build; use obvhs or brute", backend.name()));
         }
 
-        let (features, effects) = effects::find(scene, options, !geometry.instances.is_empty());
+        let (mut features, effects) = effects::find(scene, options, camera, !geometry.instances.is_empty());
+        let lens = options.lens.filter(|_| features.lens);
+        features.force(&options.forced, options.strategy);
         let mode = |auto| options.rays.unwrap_or(auto);
         let rays = RayModes {
             camera: mode(QueryMode::Packet16),
@@ -168,7 +170,7 @@ impl RenderPlan {
             resolution,
             window: resolve_window(resolution, options.crop)?,
             camera,
-            lens: options.lens.filter(|_| features.lens),
+            lens,
             filter: options.filter,
             limits: Limits {
                 spp: options.spp,
@@ -210,9 +212,9 @@ impl RenderPlan {
     }
 
     /// Whether emitters are sampled from surfaces at all.
+    #[inline(always)]
     pub fn samples_lights(&self) -> bool {
-        let f = &self.features;
-        self.strategy != Strategy::BsdfOnly && (f.area_lights || f.environment || f.punctual)
+        self.features.light_sampling
     }
 }
 
@@ -283,8 +285,6 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let lights = f.area_lights || f.environment || f.punctual;
-    let sampled = lights && options.strategy != Strategy::BsdfOnly;
     let all: [(&'static str, bool); 18] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
@@ -299,8 +299,8 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("glossy", f.glossy),
         ("dielectric", f.dielectric),
         ("thin", f.thin),
-        ("light-sampling", sampled),
-        ("any-hit", sampled),
+        ("light-sampling", f.light_sampling),
+        ("any-hit", f.light_sampling),
         ("accumulate", true),
         ("per-length", f.per_length),
         ("first-hit", f.first_hit),

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::effects::Gate;
 use crate::backend::{BackendKind, QueryMode};
 
 /// The filters of `--filter`.
@@ -154,11 +155,12 @@ pub struct RenderOptions {
     pub isa: Option<String>,
     /// Robust traversal. Off only as a measured choice: Embree then loses rays between triangles.
     pub robust: bool,
-    /// Whether one film per path length is kept.
     /// Whether one film per path length is kept; `Aov::Bounces` asks for it too.
     pub per_length: bool,
     /// Extra outputs.
     pub aovs: Vec<Aov>,
+    /// Stages that run although nothing calls for them; the picture stays the same. For tests and benches.
+    pub forced: Vec<Gate>,
 }
 
 impl Default for RenderOptions {
@@ -187,6 +189,7 @@ impl Default for RenderOptions {
             robust: true,
             per_length: false,
             aovs: Vec::new(),
+            forced: Vec::new(),
         }
     }
 }

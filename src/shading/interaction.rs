@@ -101,9 +101,10 @@ pub fn tilt(n_s: Vec3, tangent: Vec4, map: Vec3) -> Vec3 {
     unit_or(n, n_s)
 }
 
+/// Written on differences, so that three equal corners give that value exactly: a flat triangle stays flat.
 #[inline(always)]
 fn interpolate(a: Vec3, b: Vec3, c: Vec3, u: f32, v: f32) -> Vec3 {
-    a * (1.0 - u - v) + b * u + c * v
+    a + (b - a) * u + (c - a) * v
 }
 
 #[inline(always)]

@@ -19,6 +19,8 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
         queue.clear();
     }
     let environment = context.plan.features.environment;
+    // The stage may be forced where there is nothing to see.
+    let visible = environment && context.lights.counts().environment > 0;
     for block in 0..wave.current.blocks() {
         let lanes = (wave.current.len - block * LANES).min(LANES);
         let hits = &wave.current.rays[block].hit;
@@ -30,7 +32,7 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
         hit &= used;
         wave.dense[block] = sort(context, wave, block, hit);
         if edge == 1 {
-            cover(wave, block, if environment { used } else { hit });
+            cover(wave, block, if visible { used } else { hit });
         }
         if environment {
             escape(context, wave, block, used & !hit, edge);

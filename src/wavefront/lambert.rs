@@ -252,9 +252,11 @@ impl Block {
             let visible = visible & (self.active[i] != 0);
             let pdf_bsdf = cos * FRAC_1_PI;
             let weight = heuristic(light.pdf_sa[i], pdf_bsdf * light.shared[i]);
-            let factor = if visible { pdf_bsdf * (weight / light.pdf_sa[i]) } else { 0.0 };
+            // In the order of the general kernel, so that both round alike: β · f · radiance · weight/pdf.
+            let factor = if visible { weight / light.pdf_sa[i] } else { 0.0 };
             for c in 0..3 {
-                light.radiance[c][i] *= self.beta[c][i] * self.albedo[c][i] * factor;
+                let f_cos = self.albedo[c][i] * pdf_bsdf;
+                light.radiance[c][i] = self.beta[c][i] * f_cos * light.radiance[c][i] * factor;
             }
         }
     }

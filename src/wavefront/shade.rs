@@ -96,7 +96,7 @@ fn shade_lane<S: Scheme>(
         if u_light[3] >= survival {
             return false;
         }
-        path.beta /= survival;
+        path.beta *= 1.0 / survival;
     }
 
     let u_bsdf = S::sample_4d(path.index, path.seed, dims::bsdf(edge));
@@ -104,7 +104,7 @@ fn shade_lane<S: Scheme>(
     let wo = frame.to_local(vertex.wo);
 
     path.last_n = if surface.is_transmissive() { Vec3::ZERO } else { frame.n };
-    if plan.samples_lights() && !surface.is_delta() {
+    if plan.samples_lights() && (!surface.is_delta() || plan.features.lights_at_deltas) {
         sample_light(context, wave, &path, vertex, &surface, &frame, [u_light[0], u_light[1], u_light[2]]);
     }
 

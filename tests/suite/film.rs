@@ -64,6 +64,7 @@ fn attributes_and_channels_are_those_of_the_contract() {
         backend: Some("brute 0.1.0".into()),
         isa: Some("scalar".into()),
         plan: Some("camera 日, 3 × é".into()),
+        half: false,
     };
     film.write_exr(&path, &options).expect("a writable folder");
     let image = read_first_flat_layer_from_file(&path).expect("just written");

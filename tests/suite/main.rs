@@ -16,6 +16,7 @@ mod layers;
 mod lights;
 mod loading;
 mod meter;
+mod plan;
 mod readme;
 mod reference;
 mod sampling;
