@@ -82,6 +82,9 @@ pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u
         let mut block = Block::gather(context, wave, lanes, edge);
         if edge >= context.plan.max_depth {
             capped += lanes.len() as u64;
+            for i in 0..lanes.len() {
+                wave.capped.add(get(&block.beta, i) * get(&block.albedo, i) * block.eta_scale[i]);
+            }
             continue;
         }
         block.shade::<S>(context, wave, lanes.len(), edge);

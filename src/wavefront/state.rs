@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::capped::Capped;
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
 use crate::film::lengths::LENGTHS;
 
@@ -196,6 +197,8 @@ pub struct Wave {
     pub gathered: Vec<Gathered>,
     /// Radiance by camera sample and number of edges; empty unless asked for.
     pub per_length: Vec<[[f32; 3]; LENGTHS]>,
+    /// What the paths that the depth limit ended could still have carried.
+    pub capped: Capped,
 }
 
 impl Wave {
@@ -209,6 +212,7 @@ impl Wave {
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
             gathered: vec![Gathered::default(); capacity],
             per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
+            capped: Capped::default(),
         }
     }
 

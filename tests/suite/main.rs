@@ -12,6 +12,7 @@ mod determinism;
 mod environments;
 mod film;
 mod layers;
+mod ledger;
 mod lights;
 mod loading;
 mod meter;
