@@ -16,7 +16,7 @@ const LAYERS: &[&[&str]] = &[
     &["camera", "sampler", "texture", "shading", "film"],
     &["wavefront", "accuracy"],
     &["render"],
-    &["stats"],
+    &["stats", "verify"],
     &["cli"],
     &["main"],
 ];

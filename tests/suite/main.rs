@@ -16,6 +16,7 @@ mod ledger;
 mod lights;
 mod loading;
 mod meter;
+mod operator;
 mod readme;
 mod reference;
 mod sampling;
