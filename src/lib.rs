@@ -1,19 +1,21 @@
 //! Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
 //!
 //! Data flows one way; each module imports only from those above it:
-//! [`error`], [`math`] ← [`scene`] ← [`backend`] ← [`plan`] ← [`camera`], [`sampler`], [`texture`], [`shading`],
-//! [`film`] ← [`wavefront`] ← [`render`] ← [`verify`] ← `cli`, `main`.
+//! [`error`], [`math`], [`machine`] ← [`scene`] ← [`backend`] ← [`plan`] ← [`camera`], [`sampler`], [`texture`], [`shading`],
+//! [`film`] ← [`wavefront`] ← [`render`] ← [`stats`], [`bench`], [`accuracy`], [`verify`] ← `cli`, `main`.
 //!
 //! Conventions everywhere: right-handed, +Y up, metres, radiance in W·sr⁻¹·m⁻² of linear Rec.709, pdfs in sr⁻¹ unless
 //! the name says `area`. Storage and transport in `f32`, sums over samples in `f64`.
 
 pub mod accuracy;
 pub mod backend;
+pub mod bench;
 pub mod camera;
 #[doc(hidden)]
 pub mod cli;
 pub mod error;
 pub mod film;
+pub mod machine;
 pub mod math;
 pub mod plan;
 pub mod render;

@@ -1,6 +1,8 @@
 //! The library's front door: a scene and options in, a film and statistics out. Runs passes of samples over tiles on a
 //! pool of its own, calls back between passes, and stops when the first of the limits is met.
 
+pub mod target;
+
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -8,10 +10,12 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::accuracy::predict::Predicted;
 use crate::backend::{self, Backend, BackendInfo};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::aov::FirstHit;
+use crate::film::estimate::ErrorEstimate;
 use crate::film::filter::FilterTable;
 use crate::film::lengths::LengthSums;
 use crate::film::{Film, Pixel};
@@ -25,6 +29,8 @@ use crate::wavefront::queue::{self, Kind};
 use crate::wavefront::raygen::Chunk;
 use crate::wavefront::state::Wave;
 use crate::wavefront::{self, Context, Counters};
+
+use self::target::Watch;
 
 pub use crate::plan::options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
@@ -41,6 +47,30 @@ pub struct Progress {
     pub relmse: Option<f64>,
     /// Rays traced so far, all classes.
     pub rays: u64,
+    /// What meeting the error target costs in all, if there is a target and the looks so far tell.
+    pub predicted: Option<Predicted>,
+}
+
+/// A render after a pass: what [`Renderer::render_watched`] shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Checkpoint<'a> {
+    /// Rendering time so far, without what was spent on showing this.
+    pub elapsed: Duration,
+    /// Samples every pixel has.
+    pub spp: u64,
+    /// The picture.
+    pub film: &'a Film,
+}
+
+/// A prediction and when it was made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forecast {
+    /// Seconds of rendering by then.
+    pub after_seconds: f64,
+    /// Samples per pixel by then.
+    pub after_spp: u64,
+    /// What was predicted for the whole render.
+    pub predicted: Predicted,
 }
 
 /// Why a render ended.
@@ -83,6 +113,8 @@ pub struct Render {
     pub render_time: Duration,
     /// Why it ended.
     pub stop: StopReason,
+    /// What the pilot of a render with an error target predicted.
+    pub forecast: Option<Forecast>,
 }
 
 /// Side of the square tiles that workers take, pixels.
@@ -94,8 +126,15 @@ const PASS_SAMPLES: u64 = 64;
 /// How often the error is estimated for the report alone.
 const ESTIMATE_INTERVAL: Duration = Duration::from_secs(1);
 
+/// Seconds of rendering, or samples per pixel if they come first, after which the pilot of an error target ends: the
+/// prediction of that moment is kept and held against what the render took.
+const PILOT: (f64, u64) = (2.0, 128);
+
 /// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
 const PASS_SECONDS: f64 = 0.4;
+
+/// How often the callback is called during a pass.
+const REPORT_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A scene made ready: plan, acceleration structure, light tables.
 pub struct Renderer<'a> {
@@ -146,6 +185,28 @@ impl<'a> Renderer<'a> {
         })
     }
 
+    /// Takes other options for the renders to come. Nothing is built again, so backend, traversal and ray modes must stay
+    /// what they are.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and [`Error::Option`] for options that need another backend.
+    pub fn retarget(&mut self, options: &RenderOptions) -> Result<()> {
+        let plan = RenderPlan::new(self.scene, &self.geometry, options)?;
+        if plan.backend != self.plan.backend || plan.backend_options() != self.plan.backend_options() {
+            let problem = "another backend, ray mode or number of threads needs a renderer of its own".into();
+            return Err(Error::Option { option: "--backend", problem });
+        }
+        self.camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        self.filter = FilterTable::new(plan.filter);
+        self.plan = plan;
+        Ok(())
+    }
+
+    /// Renders with other random numbers from here on. Nothing that was built depends on the seed.
+    pub fn set_seed(&mut self, seed: u64) {
+        self.plan.seed = seed;
+    }
+
     /// The resolved decisions.
     pub fn plan(&self) -> &RenderPlan {
         &self.plan
@@ -154,6 +215,16 @@ impl<'a> Renderer<'a> {
     /// The backend that traces.
     pub fn backend_info(&self) -> &BackendInfo {
         self.backend.info()
+    }
+
+    /// The same, to be asked.
+    pub fn backend(&self) -> &dyn Backend {
+        self.backend.as_ref()
+    }
+
+    /// The flattened geometry that the backend was built over.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
     }
 
     /// The camera that looks, with its matrices.
@@ -173,7 +244,36 @@ impl<'a> Renderer<'a> {
 
     /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
     /// finished and what there is is returned.
-    pub fn render_with(&self, mut progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+    pub fn render_with(&self, progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+        self.render_on(self.backend(), progress, None)
+    }
+
+    /// As [`render_with`](Self::render_with), with every ray handed to `backend`: the renderer's own, or one that stands
+    /// before it (a recorder) and gives the same answers.
+    pub fn render_through(
+        &self,
+        backend: &dyn Backend,
+        progress: impl FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Render> {
+        self.render_on(backend, progress, None)
+    }
+
+    /// [`render_with`](Self::render_with), and the picture is shown to `watch` after every pass. The clock stands while it
+    /// looks.
+    pub fn render_watched(
+        &self,
+        progress: impl FnMut(&Progress) -> ControlFlow<()>,
+        watch: Option<&mut dyn FnMut(&Checkpoint) -> Result<()>>,
+    ) -> Result<Render> {
+        self.render_on(self.backend(), progress, watch)
+    }
+
+    fn render_on(
+        &self,
+        backend: &dyn Backend,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+        mut watch: Option<&mut dyn FnMut(&Checkpoint) -> Result<()>>,
+    ) -> Result<Render> {
         let limits = &self.plan.limits;
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
         let spp_limit = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
@@ -182,15 +282,18 @@ impl<'a> Renderer<'a> {
         let lengths = self.plan.features.per_length.then(|| Mutex::new(LengthSums::new(self.plan.window)));
         let waves = Mutex::new(Vec::new());
         let tiles = self.tiles();
+        let pixels = u64::from(self.plan.window.width) * u64::from(self.plan.window.height);
+        let mut target = limits.error.map(|e| Watch::new(e, limits.min_spp, pixels, self.plan.sampler));
         let start = Instant::now();
 
-        let (mut done, mut relmse) = (0u64, None);
+        let (mut done, mut relmse, mut predicted, mut forecast) = (0u64, None, None, None);
         let mut stop = StopReason::Spp;
-        let (mut last, mut estimated) = (Duration::ZERO, Duration::ZERO);
+        let (mut last, mut estimated, mut shown) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
         let mut samples = 1u64;
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
             let pass = Pass {
+                backend,
                 first_sample: done,
                 samples,
                 tiles: &tiles,
@@ -201,15 +304,13 @@ impl<'a> Renderer<'a> {
             };
             let completed = self.run_pass(&pass, &mut |tiles_done, rays| {
                 let within = tiles_done as f64 / tiles.len().max(1) as f64;
-                let elapsed = start.elapsed();
-                let by_spp = (done as f64 + within * samples as f64) / spp_limit as f64;
+                let elapsed = start.elapsed() - shown;
+                let spp = done as f64 + within * samples as f64;
+                let by_spp = spp / spp_limit as f64;
                 let by_time = limits.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64());
-                let by_error = match (limits.error, relmse) {
-                    (Some(target), Some(r)) if r > 0.0 => target * target / r,
-                    _ => 0.0,
-                };
+                let by_error = predicted.map_or(0.0, |p: Predicted| spp / p.spp);
                 let fraction = by_spp.max(by_time).max(by_error).min(1.0);
-                progress(&Progress { elapsed, spp: done, fraction, relmse, rays })
+                progress(&Progress { elapsed, spp: done, fraction, relmse, rays, predicted })
             });
             if !completed {
                 stop = StopReason::Callback;
@@ -217,19 +318,33 @@ impl<'a> Renderer<'a> {
             }
             done += samples;
 
-            // The estimate costs a look at every pixel. A target is judged at checkpoints that depend on nothing but the
-            // number of samples, so that the same input stops at the same sample; a mere report may wait a second.
-            let elapsed = start.elapsed();
-            let judged = limits.error.is_some() && is_checkpoint(done);
-            if judged || (limits.error.is_none() && elapsed - estimated >= ESTIMATE_INTERVAL) {
-                relmse = film.lock().expect("no worker panicked").error_estimate().map(|e| e.relmse);
+            // The estimate costs a look at every pixel. A target is judged at looks that depend on nothing but the film
+            // and the number of samples, so that the same input stops at the same sample; a mere report may wait a second.
+            let elapsed = start.elapsed() - shown;
+            if let Some(target) = target.as_mut().filter(|target| done == target.next()) {
+                let estimate = self.estimate(&film);
+                (relmse, estimated) = (estimate.map(|e| e.relmse), elapsed);
+                let met = target.look(done, elapsed.as_secs_f64(), estimate);
+                predicted = target.predicted();
+                let pilot_over = elapsed.as_secs_f64() >= PILOT.0 || done >= PILOT.1;
+                if let (None, true, false, Some(predicted)) = (forecast, pilot_over, met, predicted) {
+                    let after_seconds = elapsed.as_secs_f64();
+                    forecast = Some(Forecast { after_seconds, after_spp: done, predicted });
+                }
+                if met {
+                    stop = StopReason::Error;
+                }
+            } else if elapsed - estimated >= ESTIMATE_INTERVAL {
+                relmse = self.estimate(&film).map(|e| e.relmse);
                 estimated = elapsed;
             }
-            if let (true, Some(target), Some(r)) = (judged, limits.error, relmse)
-                && done >= limits.min_spp
-                && r <= target * target
-            {
-                stop = StopReason::Error;
+            if let Some(watch) = &mut watch {
+                let showing = Instant::now();
+                let film = film.lock().expect("no worker panicked");
+                watch(&Checkpoint { elapsed, spp: done, film: &film })?;
+                shown += showing.elapsed();
+            }
+            if stop == StopReason::Error {
                 break;
             }
             if limits.time.is_some_and(|t| elapsed >= t) {
@@ -237,8 +352,8 @@ impl<'a> Renderer<'a> {
                 break;
             }
             samples = next_pass(samples, elapsed - last, limits.time.map(|t| t.saturating_sub(elapsed)), done);
-            if limits.error.is_some() {
-                samples = samples.min(checkpoint_step(done));
+            if let Some(target) = &target {
+                samples = samples.min(target.next() - done);
             }
             last = elapsed;
         }
@@ -251,9 +366,16 @@ impl<'a> Renderer<'a> {
             counters,
             lengths: lengths.map(|l| l.into_inner().expect("no worker panicked")),
             first_hits,
-            render_time: start.elapsed(),
+            render_time: start.elapsed() - shown,
             stop,
+            forecast,
         })
+    }
+
+    /// The film's estimate of its error, by all workers.
+    fn estimate(&self, film: &Mutex<Film>) -> Option<ErrorEstimate> {
+        let film = film.lock().expect("no worker panicked");
+        self.pool.install(|| film.error_estimate())
     }
 
     /// The window cut into tiles, each a list of pixels along a Morton curve (neighbours stay in one packet).
@@ -280,8 +402,14 @@ impl<'a> Renderer<'a> {
         let cancelled = AtomicBool::new(false);
         let finished = AtomicUsize::new(0);
         let rays = |pass: &Pass| pass.counters.lock().expect("no worker panicked").rays();
+        // The worker wakes this thread when it is done; until then it sleeps but for the reports.
+        let (done, reporter) = (AtomicBool::new(false), std::thread::current());
         std::thread::scope(|scope| {
-            let worker = scope.spawn(|| {
+            scope.spawn(|| {
+                let _wake = OnDrop(|| {
+                    done.store(true, Ordering::Release);
+                    reporter.unpark();
+                });
                 self.pool.install(|| {
                     pass.tiles.par_iter().for_each(|tile| {
                         if !cancelled.load(Ordering::Relaxed) {
@@ -289,12 +417,12 @@ impl<'a> Renderer<'a> {
                             finished.fetch_add(1, Ordering::Relaxed);
                         }
                     });
-                })
+                });
             });
             let mut reported = Instant::now();
-            while !worker.is_finished() {
-                std::thread::park_timeout(Duration::from_millis(2));
-                if reported.elapsed() > Duration::from_millis(100) {
+            while !done.load(Ordering::Acquire) {
+                std::thread::park_timeout(REPORT_INTERVAL.saturating_sub(reported.elapsed()));
+                if reported.elapsed() >= REPORT_INTERVAL {
                     reported = Instant::now();
                     if report(finished.load(Ordering::Relaxed), rays(pass)).is_break() {
                         cancelled.store(true, Ordering::Relaxed);
@@ -353,6 +481,7 @@ impl<'a> Renderer<'a> {
             let film = pass.film.lock().expect("no worker panicked");
             tile.pixels.iter().map(|p| film.pixels[place(p)]).collect()
         };
+        let context = Context { backend: pass.backend, ..context };
         let mut counters = Counters::default();
         let per_chunk = (wave.capacity() / pass.samples as usize).max(1);
         for (part, sums) in tile.pixels.chunks(per_chunk).zip(pixels.chunks_mut(per_chunk)) {
@@ -379,6 +508,15 @@ impl<'a> Renderer<'a> {
     }
 }
 
+/// Runs when it goes out of scope, after a panic as well.
+struct OnDrop<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
+
 /// Samples per pixel when no limit is given.
 pub const DEFAULT_SPP: u64 = 64;
 
@@ -389,6 +527,7 @@ struct Tile {
 
 /// One pass: the same range of samples for every pixel.
 struct Pass<'p> {
+    backend: &'p dyn Backend,
     first_sample: u64,
     samples: u64,
     tiles: &'p [Tile],
@@ -413,22 +552,6 @@ fn next_pass(last: u64, took: Duration, left: Option<Duration>, done: u64) -> u6
     let fitting = if per_sample > 0.0 { (seconds / per_sample) as u64 } else { u64::MAX };
     let samples = fitting.min(2 * last).clamp(2, PASS_SAMPLES);
     samples & !1
-}
-
-/// Distance from `done` to the next number of samples at which an error target is judged.
-fn checkpoint_step(done: u64) -> u64 {
-    let spacing = checkpoint_spacing(done);
-    spacing - done % spacing
-}
-
-/// Whether an error target is judged after `done` samples.
-fn is_checkpoint(done: u64) -> bool {
-    done.is_multiple_of(checkpoint_spacing(done))
-}
-
-/// Checkpoints lie an eighth of the power of two below apart, at least 2 samples.
-fn checkpoint_spacing(done: u64) -> u64 {
-    ((1u64 << (63 - done.max(1).leading_zeros())) >> 3).max(2)
 }
 
 /// Bits 0, 2, 4, … of `code`, packed.

@@ -1,12 +1,13 @@
 //! Statistics of a render as JSON, schema 1. Keys and their order are a contract: keys may be added behind the others,
 //! never renamed. Units are in the names; times are wall seconds, rates are 10⁶ per second of `seconds.render`.
 
-mod bias;
+pub mod bias;
 
 use serde::Serialize;
 
 use crate::backend::BackendInfo;
 use crate::plan::{Bias, Effects, RenderPlan};
+use crate::render::target::{CONFIDENCE, QUANTILES};
 use crate::render::{Render, RenderOptions};
 use crate::scene::Scene;
 
@@ -62,6 +63,8 @@ pub struct Stats {
     pub capped_paths: u64,
     /// Fingerprint of the film's sums, hexadecimal: equal films have equal hashes.
     pub film_hash: String,
+    /// What the pilot of an error target predicted; `null` without a target, or when it was met before the pilot ended.
+    pub prediction: Option<PredictionStats>,
 }
 
 /// Counts of a scene.
@@ -146,6 +149,43 @@ pub struct ErrorStats {
     pub interval: [f64; 2],
     /// ε of relMSE.
     pub epsilon: f64,
+    /// Mean of the picture per channel, in units of radiance.
+    pub mean: [f64; 3],
+    /// Its standard error.
+    pub mean_stderr: [f64; 3],
+    /// Interval that covers the mean of the converged picture with the confidence above.
+    pub mean_interval: [[f64; 2]; 3],
+    /// Share of `relmse` that the pixel with the largest has.
+    pub largest_share: f64,
+    /// False where few pixels carry the error, so that the intervals may miss more often than they say.
+    pub reliable: bool,
+    /// Relative RMSE (√relMSE) that this picture stays below with `limit_confidence`.
+    pub limit: f64,
+    /// Confidence of `limit`.
+    pub limit_confidence: f64,
+    /// Relative RMSE that was asked for, if any.
+    pub target: Option<f64>,
+}
+
+/// What the pilot of a render with an error target predicted, and what the render took.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PredictionStats {
+    /// Seconds of rendering after which it was made.
+    pub after_s: f64,
+    /// Samples per pixel by then.
+    pub after_spp: u64,
+    /// Predicted seconds of rendering in all.
+    pub seconds: f64,
+    /// Their 95 % interval.
+    pub seconds_interval: [f64; 2],
+    /// Predicted samples per pixel.
+    pub spp: f64,
+    /// Their 95 % interval.
+    pub spp_interval: [f64; 2],
+    /// Seconds of rendering that it took.
+    pub taken_s: f64,
+    /// Samples per pixel that it took.
+    pub taken_spp: u64,
 }
 
 /// Where a non-finite sample was met.
@@ -242,6 +282,14 @@ impl Stats {
                 confidence: 0.95,
                 interval: e.interval,
                 epsilon: e.epsilon,
+                mean: e.mean,
+                mean_stderr: e.mean_stderr,
+                mean_interval: e.mean_interval,
+                largest_share: e.largest_share,
+                reliable: e.reliable,
+                limit: e.picture_limit(QUANTILES).sqrt(),
+                limit_confidence: CONFIDENCE,
+                target: options.error,
             }),
             nonfinite_first: counters
                 .nonfinite_first
@@ -251,6 +299,16 @@ impl Stats {
             invalid_rays: counters.invalid_rays,
             capped_paths: counters.capped_paths,
             film_hash: format!("{:016x}", film.hash()),
+            prediction: render.forecast.map(|forecast| PredictionStats {
+                after_s: forecast.after_seconds,
+                after_spp: forecast.after_spp,
+                seconds: forecast.predicted.seconds,
+                seconds_interval: forecast.predicted.seconds_interval,
+                spp: forecast.predicted.spp,
+                spp_interval: forecast.predicted.spp_interval,
+                taken_s: seconds.render,
+                taken_spp: spp.min,
+            }),
         }
     }
 }

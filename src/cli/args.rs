@@ -10,6 +10,7 @@ use super::units;
 use crate::backend::{BackendKind, QueryMode};
 use crate::film::aov::Aov;
 use crate::film::filter::FilterKind;
+use crate::plan::options::ROULETTE_START;
 use crate::render::Crop;
 
 /// Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
@@ -37,6 +38,10 @@ pub enum Command {
     Compare(CompareArgs),
     /// Check the path tracer against a deterministic solver of diffuse scenes, path length by path length
     Verify(VerifyArgs),
+    /// Measure the ray backends on a scene's own rays: rates, build time, memory, agreement, and what a render makes of them
+    Bench(BenchArgs),
+    /// Measure what accuracy costs in time: a price list, techniques, and the bias of what trades accuracy for time
+    Accuracy(Box<AccuracyArgs>),
     /// Check what native parts this build and this machine have, and say what to install
     Doctor,
 }
@@ -67,6 +72,9 @@ pub struct RenderArgs {
     /// world position (m) through the pixel's centre
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser(), help_heading = "Output")]
     pub aov: Vec<Aov>,
+    /// Write R, G, B and A of the EXR in 16 bits: half the size, rounded to 1 part in 2048, at most 65504
+    #[arg(long, help_heading = "Output")]
+    pub half: bool,
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     pub stats: Option<PathBuf>,
@@ -84,6 +92,24 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", default_value_t = 16, requires = "error", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping")]
     pub min_spp: u64,
 
+    /// What is looked at, and how.
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+
+    /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson)
+    #[arg(long, value_enum, default_value = "auto", help_heading = "Reporting")]
+    pub progress: ProgressKind,
+    /// Print errors only
+    #[arg(short, long, conflicts_with = "verbose", help_heading = "Reporting")]
+    pub quiet: bool,
+    /// Print the plan, the backend and the times of each step
+    #[arg(short, long, help_heading = "Reporting")]
+    pub verbose: bool,
+}
+
+/// Picture, camera, environment, transport and machine, as `render` and `accuracy` take them.
+#[derive(Debug, Args)]
+pub struct SettingsArgs {
     /// Columns of the full picture, pixels [default: from the height and the aspect; else what the scene suggests, else 1280]
     #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Picture")]
     pub width: Option<u32>,
@@ -117,6 +143,9 @@ pub struct RenderArgs {
     /// End paths at random where they carry little (unbiased either way)
     #[arg(long, value_enum, default_value = "on", help_heading = "Light transport")]
     pub roulette: Switch,
+    /// First path vertex at which --roulette on may end a path (unbiased at any); 1 is the first surface
+    #[arg(long, value_name = "N", default_value_t = ROULETTE_START, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
+    pub roulette_start: u32,
     /// Combine light and BSDF sampling by the power heuristic (mis), the balance heuristic, or use one alone
     #[arg(long, value_enum, default_value = "mis", help_heading = "Light transport")]
     pub strategy: StrategyName,
@@ -136,19 +165,12 @@ pub struct RenderArgs {
     /// How rays are handed to the backend; auto lets the plan choose for each class of rays
     #[arg(long, default_value = "auto", value_parser = rays_parser(), help_heading = "Machine")]
     pub rays: Rays,
+    /// Embree's robust traversal; off is faster and loses rays at edges shared by triangles (the other backends have no such mode)
+    #[arg(long, value_enum, default_value = "on", help_heading = "Machine")]
+    pub robust: Switch,
     /// Pin Embree's instruction set; the other backends have nothing to pin
     #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
     pub isa: Option<String>,
-
-    /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson)
-    #[arg(long, value_enum, default_value = "auto", help_heading = "Reporting")]
-    pub progress: ProgressKind,
-    /// Print errors only
-    #[arg(short, long, conflicts_with = "verbose", help_heading = "Reporting")]
-    pub quiet: bool,
-    /// Print the plan, the backend and the times of each step
-    #[arg(short, long, help_heading = "Reporting")]
-    pub verbose: bool,
 }
 
 /// The environment, as `render` and `info` take it.
@@ -250,6 +272,104 @@ pub struct VerifyArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// `bench`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+A frame is rendered once and its rays are kept; every backend and query mode then traces those rays: first against the \
+others (a mode that disagrees is an error), then against the clock, with one thread and with all.\n\
+Tracing efficiency = (time of the frame's rays traced bare, each class in its best mode) / (time of the render). Render \
+and replay alternate; the figure is the median over the pairs.\n\
+Example: pathspace bench scene.gltf -o rates.svg"
+)]
+pub struct BenchArgs {
+    /// Scene, .gltf or .glb
+    pub scene: PathBuf,
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+    /// Also draw a chart
+    #[arg(short, long, value_name = "CHART.svg", help_heading = "Output")]
+    pub output: Option<PathBuf>,
+    /// Print errors only, besides the result
+    #[arg(short, long, help_heading = "Output")]
+    pub quiet: bool,
+
+    /// Columns of the frame, pixels [default: as for render]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
+    pub width: Option<u32>,
+    /// Rows of the frame, pixels [default: as for render]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
+    pub height: Option<u32>,
+    /// Samples per pixel of the frame
+    #[arg(long, visible_alias = "samples", value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..), help_heading = "Frame")]
+    pub spp: u64,
+    /// Pairs of render and replay behind the tracing efficiency
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000), help_heading = "Frame")]
+    pub pairs: usize,
+    /// Camera by name, or by index from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Frame")]
+    pub camera: Option<String>,
+    /// Longest path in edges
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Frame")]
+    pub max_depth: u32,
+    /// Seed of every random number
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Frame")]
+    pub seed: u64,
+
+    /// The environment.
+    #[command(flatten)]
+    pub environment: EnvironmentArgs,
+
+    /// Threads of the frame and of the second set of rates [default: as for render]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
+    pub threads: Option<u32>,
+    /// Backend that renders the frame and that the others are held to [default: the fastest of this build]
+    #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
+    pub backend: Option<BackendKind>,
+    /// Pin Embree's instruction set
+    #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
+    pub isa: Option<String>,
+}
+
+/// `accuracy`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+Prints on stdout: the price list (errors of 10, 5, 2, 1 and 0.5 %: predicted samples and seconds with intervals, and what runs \
+of that many samples took, as far as the budget goes); techniques (error, slope of error against samples, time a sample, \
+efficiency against the default); knobs (bias and time saved); what each path length carries. All options of the picture and of \
+light transport are those of `render` and make the default setting.\n\
+The picture is small unless --width says otherwise (about 4900 pixels), so that a minute says something: samples for an error \
+hardly depend on the size, seconds grow with the pixels.\n\
+Example: pathspace accuracy scene.gltf --budget 2m -o report"
+)]
+pub struct AccuracyArgs {
+    /// Scene, .gltf or .glb
+    pub scene: PathBuf,
+    /// Wall time for everything: 60s, 10m
+    #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = units::duration)]
+    pub budget: Duration,
+    /// Picture that stands for the truth, OpenEXR, of the same size or (with --filter box) a whole multiple [default: long runs with
+    /// other seeds]
+    #[arg(long, value_name = "REF.exr")]
+    pub reference: Option<PathBuf>,
+    /// Folder for report.html, report.json and report.csv; made if missing [default: no files]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Every combination of strategy, sampler, roulette and backend instead of one change at a time
+    #[arg(long)]
+    pub full: bool,
+    /// Print no progress and no warnings
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// What is looked at, and how.
+    #[command(flatten)]
+    pub settings: SettingsArgs,
 }
 
 /// `on` or `off`.

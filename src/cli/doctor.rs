@@ -5,6 +5,7 @@ use std::fs;
 use super::{EXIT_OK, job, print};
 use crate::backend::{self, BackendInfo, BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
+use crate::machine::Processor;
 use crate::scene::geometry::Geometry;
 
 /// Exit code when no render can run.
@@ -21,7 +22,7 @@ pub fn run() -> Result<u8> {
     let mut lines = vec![format!("pathspace   {}", env!("CARGO_PKG_VERSION"))];
     let release = debian_release();
     lines.push(format!("system      {}", release.name));
-    let cpu = cpu();
+    let cpu = Processor::detect();
     lines.push(format!("processor   {}", cpu.name));
     lines.push(format!("features    {}", cpu.features.join(" ")));
     lines.push(format!("threads     {}", job::default_threads()));
@@ -75,49 +76,6 @@ fn debian_release() -> Release {
         name: if name.is_empty() { "unknown".into() } else { name },
         version: if field("ID") == "debian" { field("VERSION_ID") } else { String::new() },
     }
-}
-
-struct Cpu {
-    name: String,
-    features: Vec<&'static str>,
-}
-
-impl Cpu {
-    /// Features that this binary was compiled to use and this processor lacks.
-    fn missing(&self) -> Vec<&'static str> {
-        let compiled = [
-            ("avx2", cfg!(target_feature = "avx2")),
-            ("fma", cfg!(target_feature = "fma")),
-            ("bmi2", cfg!(target_feature = "bmi2")),
-        ];
-        compiled.iter().filter(|(name, used)| *used && !self.features.contains(name)).map(|(name, _)| *name).collect()
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-fn cpu() -> Cpu {
-    let found = [
-        ("sse4.2", is_x86_feature_detected!("sse4.2")),
-        ("avx", is_x86_feature_detected!("avx")),
-        ("avx2", is_x86_feature_detected!("avx2")),
-        ("fma", is_x86_feature_detected!("fma")),
-        ("bmi2", is_x86_feature_detected!("bmi2")),
-        ("avx512f", is_x86_feature_detected!("avx512f")),
-        ("avx512dq", is_x86_feature_detected!("avx512dq")),
-        ("avx512vl", is_x86_feature_detected!("avx512vl")),
-    ];
-    Cpu { name: cpu_name(), features: found.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect() }
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn cpu() -> Cpu {
-    Cpu { name: cpu_name(), features: vec![] }
-}
-
-fn cpu_name() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map_or_else(|| std::env::consts::ARCH.to_string(), |(_, name)| name.trim().to_string())
 }
 
 #[cfg(test)]

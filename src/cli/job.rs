@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, StrategyName, Switch};
+use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch};
 use crate::backend::BackendKind;
 use crate::error::{Error, Result};
 use crate::film::Pixel;
 use crate::film::aov::{Aov, FirstHit, channel_count};
 use crate::film::atomic::check_writable;
 use crate::film::lengths::LENGTHS;
+use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
 use crate::scene::{Camera, Environment, Projection, Scene, Warning};
@@ -63,6 +64,9 @@ impl Outputs {
         if outputs.exr.is_none() && !args.aov.is_empty() {
             return refuse("--aov", "extra channels need an output that ends in .exr".into());
         }
+        if outputs.exr.is_none() && args.half {
+            return refuse("--half", "it applies to OpenEXR only: the output must end in .exr".into());
+        }
         if let Some(aov) = args.aov.iter().enumerate().find_map(|(i, aov)| args.aov[..i].contains(aov).then_some(aov)) {
             return refuse("--aov", format!("'{}' is named twice", aov.name()));
         }
@@ -74,7 +78,7 @@ impl Outputs {
         {
             return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
         }
-        outputs.check_files([Some(&args.scene), args.environment.env.as_ref()])?;
+        outputs.check_files([Some(&args.scene), args.settings.environment.env.as_ref()])?;
         Ok(outputs)
     }
 
@@ -110,9 +114,26 @@ fn place(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Option`] naming the option.
-pub fn check(args: &RenderArgs) -> Result<()> {
+pub fn check(args: &SettingsArgs) -> Result<()> {
+    check_isa(args.backend, args.isa.as_deref())?;
     let backend = args.backend.unwrap_or(BackendKind::available()[0]);
-    if args.isa.is_some() && backend != BackendKind::Embree {
+    if args.robust == Switch::Off && backend != BackendKind::Embree {
+        let name = backend.name();
+        return refuse("--robust", format!("backend '{name}' is always robust; only 'embree' can do without"));
+    }
+    if args.roulette == Switch::Off && args.roulette_start != ROULETTE_START {
+        return refuse("--roulette-start", "it has no effect with --roulette off".into());
+    }
+    Ok(())
+}
+
+/// Refuses an instruction set that the backend cannot pin.
+///
+/// # Errors
+/// [`Error::Option`] naming the option.
+pub fn check_isa(backend: Option<BackendKind>, isa: Option<&str>) -> Result<()> {
+    let backend = backend.unwrap_or(BackendKind::available()[0]);
+    if isa.is_some() && backend != BackendKind::Embree {
         let name = backend.name();
         return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
     }
@@ -196,16 +217,24 @@ pub fn has_light(scene: &Scene) -> bool {
 
 /// Options of the render, settled against the scene.
 pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
+    RenderOptions {
+        spp: args.spp,
+        time: args.time,
+        error: args.error,
+        min_spp: args.min_spp,
+        aovs: args.aov.clone(),
+        ..settings(&args.settings, scene)
+    }
+}
+
+/// What does not limit the render, settled against the scene.
+pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
     let camera = camera_choice(args.camera.as_deref(), scene);
     let size = picture_size(args.width, args.height, scene, camera_of(scene, &camera));
     RenderOptions {
         width: size.0,
         height: size.1,
         crop: args.crop,
-        spp: args.spp,
-        time: args.time,
-        error: args.error,
-        min_spp: args.min_spp,
         camera,
         seed: args.seed,
         threads: args.threads.map_or_else(default_threads, |n| n as usize),
@@ -216,6 +245,7 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
             Switch::On => Roulette::On,
             Switch::Off => Roulette::Off,
         },
+        roulette_start: args.roulette_start,
         strategy: match args.strategy {
             StrategyName::Mis => Strategy::MisPower,
             StrategyName::MisBalance => Strategy::MisBalance,
@@ -232,13 +262,13 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
             Rays::Mode(mode) => Some(mode),
         },
         isa: args.isa.clone(),
-        aovs: args.aov.clone(),
+        robust: args.robust == Switch::On,
         ..RenderOptions::default()
     }
 }
 
 /// A camera by name, else by index, else the first. Whether it exists is for the plan to say.
-fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
+pub fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
     match text {
         None => CameraChoice::First,
         Some(name) if scene.cameras.iter().any(|camera| camera.name == name) => CameraChoice::Name(name.into()),
@@ -247,7 +277,7 @@ fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
 }
 
 /// The camera that a choice means, if the scene has it.
-fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
+pub fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
     match choice {
         CameraChoice::First => scene.cameras.first(),
         CameraChoice::Index(index) => scene.cameras.get(*index),

@@ -2,7 +2,9 @@
 //! [`report`] and [`progress`]. stdout carries only what was asked for (JSON, tables, `--progress ndjson`); everything
 //! else goes to stderr. Nothing here computes light.
 
+pub mod accuracy;
 pub mod args;
+pub mod bench;
 pub mod compare;
 pub mod doctor;
 pub mod info;
@@ -36,6 +38,8 @@ pub fn run(cli: &Cli) -> Result<u8> {
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Verify(args) => verify::run(args),
+        Command::Bench(args) => bench::run(args),
+        Command::Accuracy(args) => accuracy::run(args),
         Command::Doctor => doctor::run(),
     }
 }

@@ -5,7 +5,8 @@
 //!
 //! `--progress ndjson` writes one object a line, at most four a second: `{"type":"progress","t":12.3,"spp":64,"pct":25.0,
 //! "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in seconds; err and target are relative RMSE, `null` when
-//! unknown or not asked for; mrays in 10⁶ rays a second), then exactly one `completed` or `failed`. It was asked for, so it
+//! unknown or not asked for; mrays in 10⁶ rays a second), with an error target also `"predicted":{"seconds":52.4,"interval":
+//! [45.0,61.0],"spp":96}` of the whole render once the looks so far tell, then exactly one `completed` or `failed`. It was asked for, so it
 //! goes to stdout.
 
 use std::io::{self, IsTerminal, Write};
@@ -54,6 +55,17 @@ struct ProgressLine {
     target: Option<f64>,
     eta: Option<f64>,
     mrays: f64,
+    /// Of the whole render, where there is an error target: seconds, their 95 % interval, samples per pixel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    predicted: Option<PredictedLine>,
+}
+
+/// `predicted` of a line.
+#[derive(Serialize)]
+struct PredictedLine {
+    seconds: f64,
+    interval: [f64; 2],
+    spp: f64,
 }
 
 /// The last line of ndjson.
@@ -104,6 +116,7 @@ impl ProgressView {
                 spp: render.film.spp().min,
                 fraction: 1.0,
                 relmse: render.film.error_estimate().map(|estimate| estimate.relmse),
+                predicted: None,
                 rays: render.counters.rays(),
             }),
         }
@@ -116,7 +129,11 @@ impl ProgressView {
         let err = p.relmse.map(f64::sqrt);
         let facts = || {
             let error = err.map_or(String::new(), |err| format!(", error {:.2} %", 100.0 * err));
-            format!("{} spp{error}, {mrays:.1} Mrays/s", p.spp)
+            let predicted = p.predicted.filter(|_| p.fraction < 1.0).map_or(String::new(), |p| {
+                let [low, high] = p.seconds_interval.map(clock);
+                format!(", {} expected ({low} to {high})", clock(p.seconds))
+            });
+            format!("{} spp{error}{predicted}, {mrays:.1} Mrays/s", p.spp)
         };
         match &mut self.display {
             Display::Bar(bar) => {
@@ -131,7 +148,10 @@ impl ProgressView {
             Display::Ndjson { last } => {
                 *last = Some(p.elapsed);
                 let pct = (1000.0 * p.fraction).round() / 10.0;
-                ndjson(&ProgressLine { r#type: "progress", t, spp: p.spp, pct, err, target: self.target, eta, mrays });
+                let predicted =
+                    p.predicted.map(|p| PredictedLine { seconds: p.seconds, interval: p.seconds_interval, spp: p.spp });
+                let (spp, target) = (p.spp, self.target);
+                ndjson(&ProgressLine { r#type: "progress", t, spp, pct, err, target, eta, mrays, predicted });
             }
             Display::None => {}
         }
@@ -255,6 +275,7 @@ mod tests {
             target: Some(0.01),
             eta: Some(40.1),
             mrays: 31.2,
+            predicted: None,
         };
         let expected =
             r#"{"type":"progress","t":12.3,"spp":64,"pct":25.0,"err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}"#;

@@ -18,7 +18,7 @@ use crate::film::atomic::write_atomically;
 use crate::film::exr::{ExrOptions, ViewMatrices};
 use crate::render::{Render, Renderer, StopReason};
 use crate::scene::Scene;
-use crate::stats::{Inputs, Seconds, Stats};
+use crate::stats::{Inputs, Seconds, Stats, bias};
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<u8> {
@@ -33,10 +33,10 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let start = Instant::now();
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     let signals = Signals::listen()?;
-    job::check(args)?;
+    job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment))?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment))?;
     verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
@@ -71,7 +71,10 @@ fn render(args: &RenderArgs) -> Result<u8> {
 
     let backend = renderer.backend_info();
     let inputs = Inputs { scene, options: &options, plan: renderer.plan(), backend, render: &render, seconds };
-    let stats = Stats::new(&inputs);
+    let mut stats = Stats::new(&inputs);
+    if args.half {
+        stats.bias.push(bias::half(&render.film));
+    }
     if let Some(path) = &outputs.stats {
         write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?;
     }
@@ -86,7 +89,7 @@ fn render(args: &RenderArgs) -> Result<u8> {
 
 /// A signal first (the picture is not what was asked for), then samples that are not finite, then a missed target.
 fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option<u8>) -> u8 {
-    let reached = |target: f64| stats.error.is_some_and(|error| error.relmse.sqrt() <= target);
+    let reached = |target: f64| stats.error.is_some_and(|error| error.limit <= target);
     match (render.stop, signal) {
         (StopReason::Callback, Some(code)) => code,
         _ if render.counters.nonfinite > 0 => EXIT_NONFINITE,
@@ -112,9 +115,10 @@ fn exr_options(
     };
     ExrOptions {
         channels: aov::channels(&renderer.plan().aovs, &sources),
+        half: args.half,
         render_seconds: Some(render.render_time.as_secs_f64()),
         view: Some(view_matrices(renderer, scene)),
-        seed: Some(args.seed),
+        seed: Some(args.settings.seed),
         sample_range: Some((0, render.film.spp().min)),
         backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
         isa: Some(backend.isa.clone()),

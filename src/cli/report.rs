@@ -91,6 +91,36 @@ impl Verbosity {
                 percent(error.interval[1]),
                 error.relmse
             ));
+            if let Some(target) = error.target {
+                self.note(format_args!(
+                    "asked for {:.2} %; this picture is within {:.2} % with {:.0} % confidence",
+                    100.0 * target,
+                    100.0 * error.limit,
+                    100.0 * error.limit_confidence
+                ));
+            }
+            if !error.reliable {
+                self.note(format_args!(
+                    "pathspace: warning: interval unreliable: few pixels carry the error, one of them {:.0} %; render \
+                     more samples or pixels",
+                    100.0 * error.largest_share
+                ));
+            }
+            let brightness = |rgb: [f64; 3]| rgb.iter().sum::<f64>() / 3.0;
+            let mean = brightness(error.mean);
+            self.detail(format_args!(
+                "mean radiance {:.4e} {:.4e} {:.4e}, standard error {:.2} % of it",
+                error.mean[0],
+                error.mean[1],
+                error.mean[2],
+                if mean > 0.0 { 100.0 * brightness(error.mean_stderr) / mean } else { 0.0 }
+            ));
+        }
+        if let Some(p) = &stats.prediction {
+            self.note(format_args!(
+                "predicted after {:.1} s: {:.1} s (95 %: {:.1} to {:.1} s), {:.0} spp; taken {:.1} s, {} spp",
+                p.after_s, p.seconds, p.seconds_interval[0], p.seconds_interval[1], p.spp, p.taken_s, p.taken_spp
+            ));
         }
         let b = &stats.backend;
         self.detail(format_args!(
@@ -148,7 +178,7 @@ pub fn count(n: u64) -> String {
 }
 
 /// A number of bytes: "12.3 MB", "999 B".
-fn bytes(n: u64) -> String {
+pub fn bytes(n: u64) -> String {
     let space = if n < 1000 { " " } else { "" };
     format!("{}{space}B", count(n))
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, IntegerBounds, Layer,
-    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage, f16,
 };
 
 use super::Film;
@@ -30,6 +30,8 @@ pub struct ViewMatrices {
 /// What a file says besides its pixels. Everything is optional; what is `None` is not written.
 #[derive(Clone, Debug, Default)]
 pub struct ExrOptions {
+    /// R, G, B and A in 16 bits instead of 32 (rounded to 11 bits of mantissa, at most ±65504); extra outputs stay 32.
+    pub half: bool,
     /// Extra outputs, see [`aov::channels`](super::aov::channels).
     pub channels: Vec<Channel>,
     /// Wall time of the render, `renderTimeSeconds`.
@@ -59,7 +61,7 @@ impl Film {
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = Vec2(window.width as usize, window.height as usize);
-        let channels = AnyChannels::sort(self.channels(&options.channels).into_iter().collect());
+        let channels = AnyChannels::sort(self.channels(options).into_iter().collect());
         let mut image = Image::from_layer(Layer::new(size, self.layer_attributes(options), encoding, channels));
         let resolution = Vec2(self.resolution.0 as usize, self.resolution.1 as usize);
         image.attributes.display_window = IntegerBounds::from_dimensions(resolution);
@@ -72,12 +74,17 @@ impl Film {
         })
     }
 
-    fn channels(&self, extra: &[Channel]) -> Vec<AnyChannel<FlatSamples>> {
+    fn channels(&self, options: &ExrOptions) -> Vec<AnyChannel<FlatSamples>> {
         let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| {
-            let values = self.pixels.iter().map(|pixel| stored(pixel.mean()[c])).collect();
-            AnyChannel::new(name, FlatSamples::F32(values))
+            let values = self.pixels.iter().map(|pixel| pixel.mean()[c]);
+            let samples = if options.half {
+                FlatSamples::F16(values.map(stored_half).collect())
+            } else {
+                FlatSamples::F32(values.map(stored).collect())
+            };
+            AnyChannel::new(name, samples)
         });
-        let extra = extra.iter().map(|channel| {
+        let extra = options.channels.iter().map(|channel| {
             debug_assert_eq!(channel.values.len(), self.pixels.len(), "values of channel {}", channel.name);
             AnyChannel::new(channel.name.as_str(), FlatSamples::F32(channel.values.clone()))
         });
@@ -141,6 +148,16 @@ const MOST_PIXELS_PER_BYTE: u64 = 1032;
 /// A mean as it is stored: rounded to f32 and saturated.
 pub(super) fn stored(value: f64) -> f32 {
     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+}
+
+/// A mean as it is stored in 16 bits: rounded once, and saturated.
+fn stored_half(value: f64) -> f16 {
+    f16::from_f64(value.clamp(f16::MIN.to_f64(), f16::MAX.to_f64()))
+}
+
+/// What a reader finds where `value` was written in 16 bits.
+pub fn through_half(value: f64) -> f64 {
+    stored_half(value).to_f64()
 }
 
 /// Pixels of a data window and where it lies.

@@ -9,6 +9,15 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::Film;
 use crate::error::Result;
 
+/// R, G, B bytes, row-major, as a PNG file in memory.
+pub fn encode_rgb(bytes: &[u8], width: u32, height: u32) -> Vec<u8> {
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file)
+        .write_image(bytes, width, height, ExtendedColorType::Rgb8)
+        .expect("a vector takes every byte, and there are three per pixel");
+    file
+}
+
 impl Film {
     /// Writes a preview with every value multiplied by 2^`exposure_ev`, all or nothing.
     ///
@@ -33,7 +42,7 @@ impl Film {
 }
 
 /// Linear value to the 8-bit code of sRGB.
-fn srgb_byte(linear: f64) -> u8 {
+pub fn srgb_byte(linear: f64) -> u8 {
     let linear = linear.clamp(0.0, 1.0);
     let encoded = if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (255.0 * encoded).round() as u8

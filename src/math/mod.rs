@@ -2,5 +2,6 @@
 
 pub mod float;
 pub mod frame;
+pub mod isa;
 pub mod table;
 pub mod warp;

@@ -44,6 +44,9 @@ pub(super) fn ledger(scene: &Scene, options: &RenderOptions) -> Vec<Bias> {
     if options.strategy == Strategy::BsdfOnly && scene.punctual.iter().any(|l| l.intensity.max_element() > 0.0) {
         ledger.push(Bias::unmeasured("strategy bsdf: punctual lights are not found"));
     }
+    if !options.robust {
+        ledger.push(Bias::unmeasured("robust off: rays slip between triangles"));
+    }
     for material in placed(scene).filter(|material| !material.unlit && material.transmission > 0.0) {
         if !(1.0..=LARGEST_INDEX).contains(&material.ior) {
             let what = format!("index of refraction {} of '{}' taken as {LARGEST_INDEX}", material.ior, material.name);

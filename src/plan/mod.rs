@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use crate::backend::{BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
+use crate::math::isa;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 pub use bias::Bias;
@@ -73,6 +74,8 @@ pub struct RenderPlan {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex at which roulette may end a path; 1 is the first surface.
+    pub roulette_start: u32,
     /// How the two samplings are combined.
     pub strategy: Strategy,
     /// Random numbers.
@@ -83,6 +86,10 @@ pub struct RenderPlan {
     pub rays: RayModes,
     /// Instruction set to pin.
     pub isa: Option<String>,
+    /// Whether shading runs in AVX-512: the processor has it and no narrower instruction set is pinned.
+    pub avx512: bool,
+    /// Robust traversal.
+    pub robust: bool,
     /// Paths of one wave.
     pub wave: usize,
     /// The gates that the stages read.
@@ -162,11 +169,14 @@ impl RenderPlan {
             threads: resolve_threads(options.threads),
             max_depth: options.max_depth,
             roulette: options.roulette,
+            roulette_start: options.roulette_start,
             strategy: options.strategy,
             sampler: options.sampler,
             backend,
             rays,
             isa: options.isa.clone(),
+            avx512: options.isa.as_deref().is_none_or(|name| name == "avx512") && isa::has_avx512(),
+            robust: options.robust,
             wave: WAVE,
             stages: stages(&features, options),
             features,
@@ -183,7 +193,7 @@ impl RenderPlan {
             incoherent: self.rays.bounce,
             coherent: self.rays.camera,
             shadow: self.rays.shadow,
-            robust: true,
+            robust: self.robust,
             isa: self.isa.clone(),
             build_threads: self.threads,
         }

@@ -109,6 +109,9 @@ pub struct Lens {
     pub focus_m: f32,
 }
 
+/// Default of [`RenderOptions::roulette_start`]: paths that carry much survive by the rule itself.
+pub const ROULETTE_START: u32 = 1;
+
 /// Everything a render can be told. `Default` is what the command line does without flags.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
@@ -140,6 +143,8 @@ pub struct RenderOptions {
     pub max_depth: u32,
     /// Russian roulette.
     pub roulette: Roulette,
+    /// First path vertex (1 is the first surface) at which [`Roulette::On`] may end a path.
+    pub roulette_start: u32,
     /// MIS or one of the single strategies.
     pub strategy: Strategy,
     /// Where the random numbers come from.
@@ -150,6 +155,9 @@ pub struct RenderOptions {
     pub rays: Option<QueryMode>,
     /// Instruction set to pin.
     pub isa: Option<String>,
+    /// Robust traversal. Off only as a measured choice: Embree then loses rays between triangles.
+    pub robust: bool,
+    /// Whether one film per path length is kept.
     /// Whether one film per path length is kept; `Aov::Bounces` asks for it too.
     pub per_length: bool,
     /// Extra outputs.
@@ -173,11 +181,13 @@ impl Default for RenderOptions {
             filter: FilterKind::BlackmanHarris,
             max_depth: 64,
             roulette: Roulette::On,
+            roulette_start: ROULETTE_START,
             strategy: Strategy::MisPower,
             sampler: SamplerKind::Sobol,
             backend: None,
             rays: None,
             isa: None,
+            robust: true,
             per_length: false,
             aovs: Vec::new(),
         }

@@ -1,37 +1,40 @@
 //! Russian roulette: ends paths that carry little, and scales up those that go on so that the expectation stays.
 //!
 //! The path goes on when a uniform number is below the survival probability q, and its throughput is then divided by q.
-//! q follows the largest channel of the throughput, so q ≥ throughput in every channel and a survivor never carries more
-//! than 1: the variance stays finite for every albedo below 1 (it needs q > ρ² a bounce in the brightest channel, and a
-//! rule on luminance breaks that in red). The factor 1/η² of radiance that entered glass is taken out first: it comes
-//! back on the way out, and ending paths on it would make glass noisy (as PBRT and Mitsuba do).
+//! q is twice the largest channel of the throughput: a path that carries at least a half is never ended, and a survivor
+//! carries a half. q ≥ throughput in every channel keeps the variance finite for every albedo below 1 (it needs q > ρ² a
+//! bounce in the brightest channel, and a rule on luminance breaks that in red). The factor 1/η² of radiance that entered
+//! glass is taken out first: it comes back on the way out, and ending paths on it would make glass noisy (as PBRT and
+//! Mitsuba do).
+//! Measured, 1/(relMSE·rays a path) at 64 samples per pixel against q = throughput from the fourth vertex on, which is
+//! the common rule: cornell-box 1.27, glass-caustics 1.46, interior 1.05, many-lights 1.06; four times the throughput gives
+//! 1.33, 1.44, 1.00, 1.02; its square root 0.99, 1.08, 1.03, 1.03.
 //! Limit: with an albedo of 1 q stays 1; the depth limit of the render ends such paths, and counts them.
 
 use glam::Vec3;
 
-/// First path vertex (1 is the first surface) at which a path may end: shorter paths carry most of the image, and
-/// ending them saves little.
-pub const FIRST_VERTEX: u32 = 4;
+/// Throughput below which a path may end, and what its survivors carry.
+const SURVIVOR: f32 = 0.5;
 
 /// Values of a uniform f32 in [0,1) are multiples of 2^-24.
 const LATTICE: f32 = 16_777_216.0;
 
 /// Probability with which a path of throughput `beta` goes on from path vertex `vertex`; `eta_scale` is the product of
 /// η² over its refractions. 0 only where `beta` is 0 (such a path ends at any vertex), else in [2^-24, 1]; 1 before
-/// [`FIRST_VERTEX`], and for a throughput that is NaN, which is to reach the counter.
+/// `first_vertex`, and for a throughput that is NaN, which is to reach the counter.
 #[inline(always)]
-pub fn survival(beta: Vec3, eta_scale: f32, vertex: u32) -> f32 {
-    if vertex < FIRST_VERTEX && beta.max_element() > 0.0 {
+pub fn survival(beta: Vec3, eta_scale: f32, vertex: u32, first_vertex: u32) -> f32 {
+    if vertex < first_vertex && beta.max_element() > 0.0 {
         return 1.0;
     }
     survival_from(beta, eta_scale)
 }
 
-/// [`survival`] from [`FIRST_VERTEX`] on; one expression, for loops over lanes.
+/// [`survival`] from `first_vertex` on; one expression, for loops over lanes.
 #[inline(always)]
 pub fn survival_from(beta: Vec3, eta_scale: f32) -> f32 {
     let largest = beta.x.max(beta.y).max(beta.z);
-    let q = on_lattice((largest * eta_scale).min(1.0));
+    let q = on_lattice((largest * eta_scale / SURVIVOR).min(1.0));
     if largest <= 0.0 { 0.0 } else { q }
 }
 
@@ -44,6 +47,7 @@ pub fn on_lattice(q: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::options::ROULETTE_START as START;
 
     /// SplitMix64 (Steele et al. 2014), as multiples of 2^-24 in [0,1).
     fn uniform(state: &mut u64) -> f32 {
@@ -78,7 +82,8 @@ mod tests {
             squares += value * value;
         }
         let mean = sum / f64::from(paths);
-        (mean, squares / f64::from(paths) - mean * mean)
+        // A channel without any variance comes out a rounding below 0.
+        (mean, (squares / f64::from(paths) - mean * mean).max(0.0))
     }
 
     /// HARDCASES P08 without the scene: constant q has the mean 1/(1−ρ) and the predicted variance. 4.9 standard errors
@@ -101,7 +106,7 @@ mod tests {
     fn p13_the_rule_keeps_the_mean_of_every_channel() {
         let (rho, paths) = (Vec3::new(0.9, 0.5, 0.1), 1 << 20);
         for (channel, expected) in [10.0, 2.0, 1.111_111_111].into_iter().enumerate() {
-            let (mean, variance) = furnace(rho, paths, channel, |beta, vertex| survival(beta, 1.0, vertex));
+            let (mean, variance) = furnace(rho, paths, channel, |beta, vertex| survival(beta, 1.0, vertex, START));
             let error = 4.9 * (variance / f64::from(paths)).sqrt();
             assert!(
                 (mean - expected).abs() < error + 1e-6 * expected,
@@ -116,7 +121,7 @@ mod tests {
     #[test]
     fn p09_long_paths_end() {
         let (rho, paths) = (0.999, 1 << 13);
-        let (mean, variance) = furnace(Vec3::splat(rho), paths, 0, |beta, vertex| survival(beta, 1.0, vertex));
+        let (mean, variance) = furnace(Vec3::splat(rho), paths, 0, |beta, vertex| survival(beta, 1.0, vertex, START));
         let error = 4.9 * (variance / f64::from(paths)).sqrt();
         assert!((mean - 1000.0).abs() < error + 1e-2, "{mean} ± {error}");
     }
@@ -125,13 +130,14 @@ mod tests {
     #[test]
     fn p10_underflow_ends_the_path() {
         let (mut beta, mut sum, mut bounces) = (Vec3::ONE, Vec3::ZERO, 0);
-        while survival(beta, 1.0, 1) > 0.0 {
+        while survival(beta, 1.0, 1, START) > 0.0 {
             sum += beta;
             beta *= 0.01;
             bounces += 1;
         }
         assert!((sum.x - 1.010_101).abs() < 2f32.powi(-20) && (20..=23).contains(&bounces), "{sum} after {bounces}");
-        let (mean, _) = furnace(Vec3::splat(0.01), 1 << 16, 0, |beta, vertex| survival(beta, 1.0, vertex));
+        // Roulette from the fourth vertex on, where what a path still adds is below the tolerance.
+        let (mean, _) = furnace(Vec3::splat(0.01), 1 << 16, 0, |beta, vertex| survival(beta, 1.0, vertex, 4));
         assert!((mean - 1.010_101).abs() < 1e-5, "{mean}");
     }
 
@@ -141,18 +147,18 @@ mod tests {
             let beta = Vec3::new(0.1, 1.0, 0.3) * (exponent as f32).exp2();
             for eta_scale in [0.1, 1.0 / 2.25, 1.0, 2.25] {
                 for vertex in 1..100 {
-                    let q = survival(beta, eta_scale, vertex);
+                    let q = survival(beta, eta_scale, vertex, 4);
                     assert!(q > 0.0 && q <= 1.0, "q = {q} at 2^{exponent}");
                     assert!(q >= (beta.max_element() * eta_scale).min(1.0), "a survivor would gain at 2^{exponent}");
                     assert!((beta * eta_scale / q).max_element() <= (beta * eta_scale).max_element().max(1.0));
-                    assert!(vertex >= FIRST_VERTEX || q == 1.0);
+                    assert!(vertex >= 4 || q == 1.0);
                     assert_eq!((q * LATTICE).fract(), 0.0);
                 }
             }
         }
-        assert_eq!(survival(Vec3::ZERO, 1.0, 1), 0.0);
-        assert_eq!(survival(Vec3::ONE, 1.0, 1000), 1.0);
-        assert_eq!(survival(Vec3::splat(f32::INFINITY), 1.0, 9), 1.0);
-        assert_eq!(survival(Vec3::splat(f32::NAN), 1.0, 9), 1.0);
+        assert_eq!(survival(Vec3::ZERO, 1.0, 1, START), 0.0);
+        assert_eq!(survival(Vec3::ONE, 1.0, 1000, START), 1.0);
+        assert_eq!(survival(Vec3::splat(f32::INFINITY), 1.0, 9, START), 1.0);
+        assert_eq!(survival(Vec3::splat(f32::NAN), 1.0, 9, START), 1.0);
     }
 }

@@ -12,6 +12,7 @@ use glam::Vec3;
 pub const NONFINITE_LISTED: usize = 16;
 
 /// Adds the radiance of every shadow ray that was not blocked; the path through the light has `edge` edges.
+#[inline(always)]
 pub fn shadows(wave: &mut Wave, edge: u32) {
     for lane in 0..wave.shadows.len {
         let (block, i) = (lane / LANES, lane % LANES);
@@ -26,6 +27,7 @@ pub fn shadows(wave: &mut Wave, edge: u32) {
 
 /// Adds the chunk's samples to `pixels` (one per pixel of the chunk) in ascending order of sample index, in f64. A
 /// sample that is not finite enters as 0 and is counted and located.
+#[inline(always)]
 pub fn samples(chunk: &Chunk, wave: &Wave, pixels: &mut [Pixel], counters: &mut Counters) {
     for (p, pixel) in pixels.iter_mut().enumerate() {
         for s in 0..chunk.samples {

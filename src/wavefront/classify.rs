@@ -7,6 +7,7 @@ use crate::backend::batch::{INVALID_ID, LANES};
 
 /// Adds the environment to the lanes that missed and fills the queues with those that hit. `edge` counts the edges of
 /// the path up to here (1: camera ray).
+#[inline(always)]
 pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
     for queue in &mut wave.queues {
         queue.clear();
@@ -26,7 +27,7 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
             let path = wave.current.paths[block].get(i);
             let dir = ray.dir(i);
             let light_pdf = if path.last_pdf_sa < f32::INFINITY && context.plan.samples_lights() {
-                context.lights.pdf_environment(dir, ray.org(i), glam::Vec3::ZERO)
+                context.lights.pdf_environment(dir, ray.org(i), path.last_n)
             } else {
                 0.0
             };

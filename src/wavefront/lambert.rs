@@ -76,6 +76,7 @@ struct LightBlock {
 }
 
 /// Shades every lane of `queue`. Returns how many paths the depth limit ended.
+#[inline(always)]
 pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u32) -> u64 {
     let mut capped = 0;
     for lanes in queue.chunks(LANES) {
@@ -188,7 +189,7 @@ impl Block {
         let mut q = [1.0; LANES];
         match context.plan.roulette {
             Roulette::Off => {}
-            Roulette::On if edge < roulette::FIRST_VERTEX => {}
+            Roulette::On if edge < context.plan.roulette_start => {}
             Roulette::On => {
                 for i in 0..LANES {
                     q[i] = roulette::survival_from(get(&self.beta, i), self.eta_scale[i]);
@@ -228,7 +229,10 @@ impl Block {
             if alive[i] == 0 {
                 continue;
             }
-            let chosen = context.lights.sample(get(&self.p, i), get(&self.n_g, i), [u[0][i], u[1][i], u[2][i]]);
+            // Where the light's ray will start, and a BSDF-sampled one.
+            let n_g = get(&self.n_g, i);
+            let receiver = float::spawn_origin(get(&self.p, i), n_g, self.error[i], n_g);
+            let chosen = context.lights.sample(receiver, get(&self.n_s, i), [u[0][i], u[1][i], u[2][i]]);
             let Some(sample) = chosen else { continue };
             let mut radiance = sample.radiance;
             if let Some(point) = sample.texture_point {
@@ -326,6 +330,7 @@ impl Block {
                     beta: get(&self.beta, i),
                     eta_scale: self.eta_scale[i],
                     last_pdf_sa: pdf_sa[i],
+                    last_n: get(&self.n_s, i),
                     slot: self.slot[i],
                     seed: [self.seed_lo[i], self.seed_hi[i]],
                     index: self.index[i],

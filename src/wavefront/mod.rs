@@ -9,6 +9,8 @@ pub mod capped;
 pub mod classify;
 pub mod estimator;
 pub mod first_hit;
+#[allow(unsafe_code)] // Fence 2 of 2: calls into code compiled for AVX-512.
+pub mod isa;
 pub mod lambert;
 pub mod queue;
 pub mod raygen;
@@ -120,6 +122,18 @@ pub struct NonFinite {
 
 /// Renders the samples of `chunk` (which must fit the wave) into `pixels`, one per pixel of the chunk.
 pub fn run<S: Scheme>(
+    context: &Context,
+    chunk: &Chunk,
+    wave: &mut Wave,
+    pixels: &mut [Pixel],
+    counters: &mut Counters,
+) {
+    isa::run::<S>(context, chunk, wave, pixels, counters)
+}
+
+/// The loop over edges; compiled once per instruction set, so everything below is inlined here.
+#[inline(always)]
+fn run_inline<S: Scheme>(
     context: &Context,
     chunk: &Chunk,
     wave: &mut Wave,

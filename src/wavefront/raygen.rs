@@ -30,6 +30,7 @@ impl Chunk<'_> {
 }
 
 /// Fills `wave.current` with the camera rays of `chunk` and resets what the samples gather.
+#[inline(always)]
 pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
     wave.current.len = 0;
     for slot in 0..chunk.len() {
@@ -49,6 +50,7 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
         let path = PathLane {
             beta: glam::Vec3::ONE,
             eta_scale: 1.0,
+            last_n: glam::Vec3::ZERO,
             last_pdf_sa: f32::INFINITY,
             slot: slot as u32,
             seed,

@@ -31,6 +31,7 @@ struct Vertex {
 }
 
 /// Shades every lane of `queue`. Returns how many paths the depth limit ended.
+#[inline(always)]
 pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u32) -> u64 {
     let mut capped = 0;
     for &lane in queue {
@@ -86,7 +87,7 @@ fn shade_lane<S: Scheme>(
     let u_light = S::sample_4d(path.index, path.seed, dims::light(edge));
     let survival = match plan.roulette {
         Roulette::Off => 1.0,
-        Roulette::On => roulette::survival(path.beta, path.eta_scale, edge),
+        Roulette::On => roulette::survival(path.beta, path.eta_scale, edge, plan.roulette_start),
         Roulette::Constant(q) => roulette::on_lattice(q),
     };
     if survival < 1.0 {
@@ -100,6 +101,7 @@ fn shade_lane<S: Scheme>(
     let Some((surface, frame)) = resolve(context, material, vertex, u_bsdf[3]) else { return false };
     let wo = frame.to_local(vertex.wo);
 
+    path.last_n = if surface.is_transmissive() { Vec3::ZERO } else { frame.n };
     if plan.samples_lights() && !surface.is_delta() {
         sample_light(context, wave, &path, vertex, &surface, &frame, [u_light[0], u_light[1], u_light[2]]);
     }
@@ -139,7 +141,7 @@ pub(super) fn emission_weight(
         return 1.0;
     }
     let hit = EmitterHit { light: at.light, distance_m: t, cos_light, area_m2: context.lights.area_m2(at.light) };
-    let light_pdf = context.lights.pdf_triangle(org, Vec3::ZERO, &hit);
+    let light_pdf = context.lights.pdf_triangle(org, path.last_n, &hit);
     estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
 }
 
@@ -231,7 +233,9 @@ fn sample_light(
     u: [f32; 3],
 ) {
     let facing = if vertex.front { vertex.at.n_g } else { -vertex.at.n_g };
-    let Some(light) = context.lights.sample(vertex.at.p, facing, u) else { return };
+    // Rays to lights on the viewer's side start here; through a transmissive surface they start within its error bound.
+    let receiver = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, facing);
+    let Some(light) = context.lights.sample(receiver, path.last_n, u) else { return };
     let wo = frame.to_local(vertex.wo);
     let wi = frame.to_local(light.wi);
     if !consistent(frame, wo, wi, vertex) {

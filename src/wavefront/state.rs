@@ -23,6 +23,8 @@ pub struct PathBlock {
     /// Pdf (sr⁻¹) with which the last BSDF sample chose `ray.dir`; read by emission MIS. Infinite after a mirror and on
     /// camera rays.
     pub last_pdf_sa: [f32; LANES],
+    /// Normal with which the last vertex sampled lights (0 on transmissive surfaces); read by emission MIS.
+    pub last_n: [[f32; LANES]; 3],
     /// Camera sample of this path within the wave.
     pub slot: [u32; LANES],
     /// Low word of the sampler's pixel seed.
@@ -44,6 +46,8 @@ pub struct PathLane {
     pub eta_scale: f32,
     /// See [`PathBlock::last_pdf_sa`].
     pub last_pdf_sa: f32,
+    /// See [`PathBlock::last_n`].
+    pub last_n: Vec3,
     /// See [`PathBlock::slot`].
     pub slot: u32,
     /// Both words of the pixel seed.
@@ -60,6 +64,7 @@ impl PathBlock {
         beta: [[0.0; LANES]; 3],
         eta_scale: [1.0; LANES],
         last_pdf_sa: [0.0; LANES],
+        last_n: [[0.0; LANES]; 3],
         slot: [0; LANES],
         seed_lo: [0; LANES],
         seed_hi: [0; LANES],
@@ -74,6 +79,7 @@ impl PathBlock {
             beta: Vec3::new(self.beta[0][lane], self.beta[1][lane], self.beta[2][lane]),
             eta_scale: self.eta_scale[lane],
             last_pdf_sa: self.last_pdf_sa[lane],
+            last_n: Vec3::new(self.last_n[0][lane], self.last_n[1][lane], self.last_n[2][lane]),
             slot: self.slot[lane],
             seed: [self.seed_lo[lane], self.seed_hi[lane]],
             index: self.index[lane],
@@ -86,6 +92,7 @@ impl PathBlock {
     pub fn set(&mut self, lane: usize, path: &PathLane) {
         for c in 0..3 {
             self.beta[c][lane] = path.beta[c];
+            self.last_n[c][lane] = path.last_n[c];
         }
         self.eta_scale[lane] = path.eta_scale;
         self.last_pdf_sa[lane] = path.last_pdf_sa;

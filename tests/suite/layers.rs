@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 
 /// Modules by layer, left to right.
 const LAYERS: &[&[&str]] = &[
-    &["error", "math"],
+    &["error", "math", "machine"],
     &["scene"],
     &["backend"],
     &["plan"],
     &["camera", "sampler", "texture", "shading", "film"],
-    &["wavefront", "accuracy"],
+    &["wavefront"],
     &["render"],
-    &["stats", "verify"],
+    &["stats", "bench", "accuracy", "verify"],
     &["cli"],
     &["main"],
 ];

@@ -2,6 +2,7 @@
 
 mod agreement;
 mod aov;
+mod bench;
 mod bsdf;
 mod camera;
 mod chi2;
@@ -20,6 +21,7 @@ mod operator;
 mod readme;
 mod reference;
 mod sampling;
+mod selection;
 mod spawn;
 mod textures;
 mod transport;

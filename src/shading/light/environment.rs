@@ -95,9 +95,9 @@ impl EnvironmentLight {
         }))
     }
 
-    /// Power through the bounding sphere's disc from all directions, W.
-    pub fn power(&self, radius_m: f64) -> f64 {
-        std::f64::consts::PI * radius_m * radius_m * self.fluence
+    /// What counts against other lights, W/m²: the irradiance of a receiver under the mean cosine of a hemisphere.
+    pub fn irradiance(&self) -> f64 {
+        0.5 * self.fluence
     }
 
     /// Draws a direction. The density is that of the direction alone.

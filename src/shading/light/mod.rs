@@ -1,7 +1,7 @@
 //! Light sources as the estimator sees them: choose one, draw a point, know the density of any direction.
 //!
-//! Lights are numbered: emissive triangles of the world mesh first, in their order there, then punctual lights, then the
-//! environment. Emission is one-sided, along `n_g`. Densities are in sr⁻¹ and include the choice of the light. Colours
+//! Lights are numbered: emissive triangles and parallelograms of the world mesh first, in their order there, then punctual
+//! lights, then the environment. Emission is one-sided, along `n_g`. Densities are in sr⁻¹ and include the choice of the light. Colours
 //! count by the mean of their channels where one number is needed, because errors are measured per channel.
 //! Refuses: radiance that is negative or not finite. What is black is never chosen.
 
@@ -14,12 +14,14 @@ use crate::scene::geometry::Geometry;
 
 pub mod area;
 pub mod environment;
+pub mod grow;
 pub mod punctual;
 pub mod select;
+pub mod tree;
 
-use area::{Emission, TriangleLight};
+use area::{AreaLight, Emission, Members};
 use environment::EnvironmentLight;
-use select::Selector;
+use select::{Distant, Selection, Selector};
 
 /// A point on a light, drawn for a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,14 +69,14 @@ pub struct EmitterHit {
     pub distance_m: f32,
     /// Cosine between `n_g` and the way back along the ray; not above 0 behind the emitter.
     pub cos_light: f32,
-    /// Area of the triangle, m².
+    /// Area of the light: [`Lights::area_m2`].
     pub area_m2: f32,
 }
 
 /// How many lights of each kind there are, for the plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightCounts {
-    /// Emissive triangles.
+    /// Emissive triangles; two that make up a parallelogram count once.
     pub triangles: usize,
     /// Punctual lights.
     pub punctual: usize,
@@ -85,7 +87,9 @@ pub struct LightCounts {
 /// All lights of a scene.
 #[derive(Clone, Debug)]
 pub struct Lights {
-    triangles: Vec<TriangleLight>,
+    areas: Vec<AreaLight>,
+    /// What each of `areas` is made of.
+    members: Vec<Members>,
     /// One entry a material.
     emissions: Vec<Emission>,
     punctual: Vec<punctual::Light>,
@@ -108,7 +112,7 @@ impl Lights {
             })
             .collect::<Result<Vec<_>>>()?;
 
-        let triangles = area::find(geometry, &emissions);
+        let (areas, members): (Vec<_>, Vec<_>) = area::find(geometry, &emissions).into_iter().unzip();
         let punctual = (scene.punctual.iter())
             .map(|light| {
                 punctual::Light::new(light).map_err(|problem| {
@@ -118,20 +122,32 @@ impl Lights {
             .collect::<Result<Vec<_>>>()?;
         let environment = scene.environment.as_ref().map(EnvironmentLight::new).transpose()?.flatten();
 
-        // Power in watts, the same measure for every kind.
-        let radius_m = bounding_radius(geometry);
-        let mut powers = Vec::with_capacity(triangles.len() + punctual.len() + 1);
-        powers.extend(triangles.iter().map(|light| light.power(&emissions)));
-        powers.extend(punctual.iter().map(|light| light.power(radius_m)));
-        powers.extend(environment.iter().map(|light| light.power(radius_m)));
-        let selector = Selector::new(&powers).map_err(|error| match error {
-            TableError::Invalid { index, weight } if index < triangles.len() => invalid(
-                format!("/materials/{}", triangles[index].material),
-                format!("an emissive triangle has the power {weight} W, expected finite and >= 0"),
-            ),
-            error => invalid("/".into(), format!("lights: {error}")),
-        })?;
-        Ok(Lights { triangles, emissions, punctual, environment, selector })
+        // What is black is left out; the rest is weighed by intensity (finite distances) or irradiance (infinity).
+        let mut near = Vec::new();
+        let mut distant = Vec::new();
+        let total = areas.len() + punctual.len() + usize::from(environment.is_some());
+        let too_bright = |intensity: f64| format!("an intensity of {intensity} W/sr, expected finite and >= 0");
+        for (number, light) in areas.iter().enumerate() {
+            let emitter = light.emitter(number as u32, &emissions);
+            if !emitter.intensity.is_finite() {
+                let pointer = format!("/materials/{}", light.material);
+                return Err(invalid(pointer, format!("an emissive triangle has {}", too_bright(emitter.intensity))));
+            }
+            near.extend((emitter.intensity > 0.0).then_some(emitter));
+        }
+        for (number, light) in (areas.len() as u32..).zip(&punctual) {
+            match light.emitter(number) {
+                Some(emitter) => near.extend((emitter.intensity > 0.0).then_some(emitter)),
+                None => distant.push(Distant { light: number, irradiance: light.irradiance() }),
+            }
+        }
+        if let Some(light) = &environment {
+            distant.push(Distant { light: total as u32 - 1, irradiance: light.irradiance() });
+        }
+        distant.retain(|light| light.irradiance > 0.0);
+        let selector = Selector::new(near, &distant, total)
+            .map_err(|error: TableError| invalid("/".into(), format!("lights: {error}")))?;
+        Ok(Lights { areas, members, emissions, punctual, environment, selector })
     }
 
     /// Writes the number of its light into each emissive triangle. `geometry` is the one that `build` saw.
@@ -139,15 +155,17 @@ impl Lights {
         for triangle in &mut geometry.triangles {
             triangle.light = u32::MAX;
         }
-        for (number, light) in self.triangles.iter().enumerate() {
-            geometry.triangles[light.triangle as usize].light = number as u32;
+        for (number, members) in self.members.iter().enumerate() {
+            for triangle in [Some(members.first), members.second].into_iter().flatten() {
+                geometry.triangles[triangle as usize].light = number as u32;
+            }
         }
     }
 
     /// How many lights of each kind there are.
     pub fn counts(&self) -> LightCounts {
         LightCounts {
-            triangles: self.triangles.len(),
+            triangles: self.areas.len(),
             punctual: self.punctual.len(),
             environment: usize::from(self.environment.is_some()),
         }
@@ -155,7 +173,12 @@ impl Lights {
 
     /// Whether no light can be sampled: there is none, or all are black.
     pub fn is_dark(&self) -> bool {
-        self.selector.is_dark()
+        self.selection() == Selection::Dark
+    }
+
+    /// How a light is chosen. Only [`Selection::Receiver`] looks at the receiver.
+    pub fn selection(&self) -> Selection {
+        self.selector.selection()
     }
 
     /// Probability with which [`sample`](Self::sample) chooses the light of that number for a receiver; 0 if there
@@ -165,16 +188,16 @@ impl Lights {
         self.selector.p_select(light, p, n)
     }
 
-    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with normal `n`. `None` where
-    /// the chosen light cannot send anything there.
+    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with unit normal `n`, or n = 0
+    /// where light from both sides counts. `None` where the chosen light cannot send anything there.
     #[inline]
     pub fn sample(&self, p: Vec3, n: Vec3, u: [f32; 3]) -> Option<LightSample> {
-        let chosen = self.selector.select(p, n, u[0])?;
+        let chosen = self.selector.select(p, n, refined(u))?;
         let uv = [u[1], u[2]];
         let number = chosen.light as usize;
-        let mut sample = if let Some(light) = self.triangles.get(number) {
+        let mut sample = if let Some(light) = self.areas.get(number) {
             light.sample(&self.emissions[light.material as usize], p, uv)
-        } else if let Some(light) = self.punctual.get(number - self.triangles.len()) {
+        } else if let Some(light) = self.punctual.get(number - self.areas.len()) {
             light.sample(p)
         } else {
             self.environment.as_ref().map(|light| light.sample(uv))
@@ -195,10 +218,19 @@ impl Lights {
         }
     }
 
-    /// Area of an emissive triangle, m²; what [`EmitterHit`] wants.
+    /// The one light of the scene, if it is a triangle or a parallelogram without texture, with its radiance: such a scene
+    /// chooses nothing.
+    pub fn only_area(&self) -> Option<(&AreaLight, Vec3)> {
+        let light = self.areas.first().filter(|_| self.selection() == Selection::Single)?;
+        let emission = &self.emissions[light.material as usize];
+        (self.selector.p_select(0, Vec3::ZERO, Vec3::ZERO) == 1.0 && !emission.is_textured())
+            .then(|| (light, emission.radiance()))
+    }
+
+    /// Area of an emissive triangle or of the parallelogram it belongs to, m²; what [`EmitterHit`] wants.
     #[inline(always)]
     pub fn area_m2(&self, light: u32) -> f32 {
-        self.triangles[light as usize].area_m2
+        self.areas[light as usize].area_m2
     }
 
     /// Radiance of the environment from the unit direction `dir`; 0 without one.
@@ -211,18 +243,20 @@ impl Lights {
     #[inline]
     pub fn pdf_environment(&self, dir: Vec3, p: Vec3, n: Vec3) -> f32 {
         self.environment.as_ref().map_or(0.0, |light| {
-            let number = (self.triangles.len() + self.punctual.len()) as u32;
+            let number = (self.areas.len() + self.punctual.len()) as u32;
             self.selector.p_select(number, p, n) * light.pdf_sa(dir)
         })
     }
 }
 
-/// Radius of the scene's bounding sphere, for the power of lights at infinity: finite and positive even where there is
-/// nothing (then every such light scales alike and the number does not matter).
-fn bounding_radius(geometry: &Geometry) -> f64 {
-    let (min, max) = geometry.bounds;
-    let radius = 0.5 * (max.as_dvec3() - min.as_dvec3()).length();
-    if min.cmple(max).all() && radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
+/// `u[0]` with the bits below its lattice of 2^-24 drawn from the other two numbers: among millions of lights most
+/// probabilities lie below one step.
+#[inline(always)]
+fn refined([u, v, w]: [f32; 3]) -> f64 {
+    let lattice = |x: f32| (x * (1 << 24) as f32) as i32 as u32;
+    let mixed = (lattice(v).wrapping_mul(0x9E37_79B1) ^ lattice(w)).wrapping_mul(0x85EB_CA6B);
+    const SCALE: f64 = 1.0 / (1u64 << 48) as f64;
+    f64::from(u) + f64::from(mixed >> 8) * SCALE
 }
 
 /// What a colour counts where one number is needed.

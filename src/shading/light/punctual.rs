@@ -8,8 +8,12 @@ use std::f64::consts::PI;
 
 use glam::Vec3;
 
+use super::grow::Emitter;
 use super::{LightPoint, LightSample, channel_mean, is_radiance};
 use crate::scene::light::{PunctualKind, PunctualLight};
+
+/// Largest reach of a spot, rad: short of π/2, where its bound would be 0.
+const WIDEST_REACH: f64 = 1.5;
 
 /// A punctual light, checked.
 #[derive(Clone, Copy, Debug)]
@@ -46,18 +50,25 @@ impl Light {
         Ok(Light { position, direction, intensity, kind })
     }
 
-    /// Power, W; that of a directional light through the disc of the scene's bounding sphere.
-    pub fn power(&self, radius_m: f64) -> f64 {
-        let measure = match self.kind {
-            PunctualKind::Point => 4.0 * PI,
-            PunctualKind::Directional => PI * radius_m * radius_m,
+    /// What the choice of a light has to know; `None` for a directional light.
+    pub fn emitter(&self, light: u32) -> Option<Emitter> {
+        let (axis, spread, reach) = match self.kind {
+            PunctualKind::Directional => return None,
+            PunctualKind::Point => (Vec3::Z, PI, 0.0),
             PunctualKind::Spot { cos_inner, cos_outer } => {
-                // The ramp's square has the mean 1/3.
-                let (inner, outer) = (f64::from(cos_inner), f64::from(cos_outer));
-                2.0 * PI * ((1.0 - inner) + (inner - outer) / 3.0)
+                // Wide ramps end where the cosine of the angle beyond the spread is still positive.
+                let (inner, outer) = (f64::from(cos_inner).acos(), f64::from(cos_outer).acos());
+                let spread = inner.max(outer - WIDEST_REACH);
+                (self.direction, spread, outer - spread)
             }
         };
-        measure * channel_mean(self.intensity)
+        let corners = [self.position; 4];
+        Some(Emitter { light, corners, axis, spread, reach, intensity: channel_mean(self.intensity) })
+    }
+
+    /// Irradiance of a receiver that faces a directional light, W/m².
+    pub fn irradiance(&self) -> f64 {
+        channel_mean(self.intensity)
     }
 
     /// What arrives at `p`; the density is 1, for the one direction there is. `None` outside of a cone.

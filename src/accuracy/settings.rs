@@ -1,0 +1,176 @@
+//! What is measured against what: the settings of a study, each named by how it differs from the default one.
+//!
+//! *Techniques* change the noise and the time, not the expectation: their error is followed over several numbers of
+//! samples. *Knobs* trade accuracy for time or space: they are measured at one number of samples, run by run against the
+//! default with the same seeds, so that the difference shows the bias and not the noise.
+
+use serde::Serialize;
+
+use crate::backend::BackendKind;
+use crate::render::{RenderOptions, Roulette, SamplerKind, Strategy};
+
+/// Depth limits that are timed.
+const DEPTHS: [u32; 3] = [2, 4, 8];
+
+/// First vertices of roulette that are timed. At 1 nothing is ended that is not at 2: a camera path has throughput 1.
+const ROULETTE_STARTS: [u32; 3] = [1, 4, 8];
+
+/// What a setting is in the study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// The options as given; everything is compared with it.
+    Default,
+    /// Another way to the same picture.
+    Technique,
+    /// Accuracy for time.
+    Knob,
+}
+
+/// One way to render.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// How it differs from the default, in the spelling of the command line; "default" for the default.
+    pub name: String,
+    /// What it is.
+    pub role: Role,
+    /// Everything else.
+    pub options: RenderOptions,
+}
+
+/// Name of a strategy on the command line.
+fn strategy_name(strategy: Strategy) -> &'static str {
+    match strategy {
+        Strategy::MisPower => "mis",
+        Strategy::MisBalance => "mis-balance",
+        Strategy::BsdfOnly => "bsdf",
+        Strategy::LightOnly => "light",
+    }
+}
+
+fn roulette_name(roulette: Roulette) -> &'static str {
+    if roulette == Roulette::Off { "off" } else { "on" }
+}
+
+/// The backend that the options mean.
+pub fn backend_of(options: &RenderOptions) -> BackendKind {
+    options.backend.unwrap_or(BackendKind::available()[0])
+}
+
+/// The default setting in the spelling of the command line.
+pub fn describe(base: &RenderOptions) -> String {
+    let mut text = format!(
+        "--strategy {} --sampler {} --roulette {} --max-depth {} --backend {}",
+        strategy_name(base.strategy),
+        base.sampler.name(),
+        roulette_name(base.roulette),
+        base.max_depth,
+        backend_of(base).name()
+    );
+    if base.roulette == Roulette::On {
+        text.push_str(&format!(" --roulette-start {}", base.roulette_start));
+    }
+    if !base.robust {
+        text.push_str(" --robust off");
+    }
+    text
+}
+
+/// The default first, then the techniques: one factor at a time, or all combinations when `full`.
+pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
+    let strategies = [Strategy::MisPower, Strategy::MisBalance, Strategy::LightOnly, Strategy::BsdfOnly];
+    let roulettes = [Roulette::On, Roulette::Off];
+    // The loop over all triangles has no business with pictures.
+    let backends: Vec<BackendKind> =
+        BackendKind::available().iter().copied().filter(|b| *b != BackendKind::Brute).collect();
+    let mut list = vec![Setting { name: "default".into(), role: Role::Default, options: base.clone() }];
+    for &backend in &backends {
+        for roulette in roulettes {
+            for sampler in [SamplerKind::Sobol, SamplerKind::Independent] {
+                for strategy in strategies {
+                    let differences = [
+                        (strategy != base.strategy, "--strategy", strategy_name(strategy)),
+                        (sampler != base.sampler, "--sampler", sampler.name()),
+                        (
+                            roulette_name(roulette) != roulette_name(base.roulette),
+                            "--roulette",
+                            roulette_name(roulette),
+                        ),
+                        (backend != backend_of(base), "--backend", backend.name()),
+                    ];
+                    let changed = differences.iter().filter(|(differs, ..)| *differs).count();
+                    if changed == 0 || (changed > 1 && !full) {
+                        continue;
+                    }
+                    let name: Vec<String> = differences
+                        .iter()
+                        .filter(|(differs, ..)| *differs)
+                        .map(|(_, flag, value)| format!("{flag} {value}"))
+                        .collect();
+                    let embree = backend == BackendKind::Embree;
+                    let options = RenderOptions {
+                        strategy,
+                        sampler,
+                        roulette: if differences[2].0 { roulette } else { base.roulette },
+                        backend: Some(backend),
+                        isa: base.isa.clone().filter(|_| embree),
+                        robust: base.robust || !embree,
+                        ..base.clone()
+                    };
+                    list.push(Setting { name: name.join(" "), role: Role::Technique, options });
+                }
+            }
+        }
+    }
+    list.sort_by_key(|setting| setting.name.matches("--").count());
+    list
+}
+
+/// The knobs that this base leaves to turn.
+pub fn knobs(base: &RenderOptions) -> Vec<Setting> {
+    let knob = |name: String, options: RenderOptions| Setting { name, role: Role::Knob, options };
+    let mut list = Vec::new();
+    for depth in DEPTHS.into_iter().filter(|depth| *depth < base.max_depth) {
+        list.push(knob(format!("--max-depth {depth}"), RenderOptions { max_depth: depth, ..base.clone() }));
+    }
+    if base.roulette == Roulette::On {
+        for start in ROULETTE_STARTS.into_iter().filter(|start| *start != base.roulette_start) {
+            let options = RenderOptions { roulette_start: start, ..base.clone() };
+            list.push(knob(format!("--roulette-start {start}"), options));
+        }
+    }
+    if backend_of(base) == BackendKind::Embree {
+        let (name, robust) = if base.robust { ("--robust off", false) } else { ("--robust on", true) };
+        list.push(knob(name.into(), RenderOptions { robust, ..base.clone() }));
+    }
+    list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_factor_at_a_time_or_all_of_them() {
+        let base = RenderOptions::new(8, 8);
+        let others = BackendKind::available().len() - 1; // Without the brute one.
+        let names = |full| techniques(&base, full).into_iter().map(|s| s.name).collect::<Vec<_>>();
+        assert_eq!(names(false).len(), 1 + 3 + 1 + 1 + (others - 1));
+        assert_eq!(names(true).len(), 4 * 2 * 2 * others);
+        assert_eq!(names(true)[0], "default");
+        assert!(names(false).contains(&"--sampler independent".to_string()));
+        let unique: std::collections::BTreeSet<_> = names(true).into_iter().collect();
+        assert_eq!(unique.len(), 16 * others);
+    }
+
+    #[test]
+    fn knobs_follow_the_base() {
+        let names = |base: &RenderOptions| knobs(base).into_iter().map(|s| s.name).collect::<Vec<_>>();
+        let shallow = RenderOptions { max_depth: 4, roulette: Roulette::Off, ..RenderOptions::new(8, 8) };
+        let shallow = RenderOptions { backend: Some(BackendKind::Obvhs), ..shallow };
+        assert_eq!(names(&shallow), ["--max-depth 2"]);
+        let all = names(&RenderOptions { backend: Some(BackendKind::Obvhs), ..RenderOptions::new(8, 8) });
+        assert_eq!(all.len(), 3 + 2);
+        assert!(all.contains(&"--roulette-start 2".to_string()));
+    }
+}

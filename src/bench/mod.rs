@@ -1,0 +1,211 @@
+//! `pathspace bench`: what the ray backends do with a scene's own rays, and how near a render comes to them.
+//!
+//! A frame is rendered once through a backend that [records](record) its rays. Each backend and query mode is then
+//! validated against the others and [timed](rates) by class of rays, and the [frame figure](frame) sets the time of the
+//! bare rays against that of the render. Rates are 10⁶ rays per second of wall time.
+//!
+//! Limits: the rays are those of the default or chosen camera and size; other processes on the machine slow what is
+//! measured while they run, ratios less than digits.
+
+pub mod agree;
+pub mod chart;
+pub mod frame;
+pub mod playback;
+pub mod rates;
+pub mod record;
+pub mod replay;
+
+use serde::Serialize;
+
+use crate::backend::{self, BackendKind, QueryMode};
+use crate::error::{Error, Result};
+use crate::machine::Processor;
+use crate::render::{RenderOptions, Renderer};
+use crate::scene::Scene;
+use agree::{Agreement, DISTANCE_TOLERANCE};
+use frame::Frame;
+use rates::{BackendRates, Setup};
+use record::{RayClass, Recording};
+
+/// Bytes of rays that are kept of a frame.
+const RECORDING_BYTES: usize = 256 << 20;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct BenchOptions {
+    /// The frame, the backend that renders it, threads and instruction set. Only the samples may stop it.
+    pub render: RenderOptions,
+    /// Pairs of render and replay behind the frame figure, ≥ 1.
+    pub pairs: usize,
+}
+
+/// Everything that was measured; what `bench --json` prints.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Where.
+    pub machine: Machine,
+    /// The backends of this build, without those in `skipped`.
+    pub backends: Vec<BackendRates>,
+    /// Backends against the first of them, which the render used; sums over the others.
+    pub agreement: AgreementReport,
+    /// Render against bare rays.
+    pub frame: Frame,
+    /// The scene.
+    pub scene: SceneRecord,
+    /// Backends that were not measured.
+    pub skipped: Vec<Skipped>,
+    /// This program's version.
+    pub pathspace: &'static str,
+}
+
+/// Where it was measured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Machine {
+    /// The processor.
+    pub cpu: String,
+    /// Its widest vector instructions; what each backend uses stands with the backend.
+    pub isa: &'static str,
+    /// Threads of the render and of the second set of rates.
+    pub threads: usize,
+}
+
+/// Backends against each other.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AgreementReport {
+    /// Sums over `against`.
+    #[serde(flatten)]
+    pub total: Agreement,
+    /// Distances are different when they are further apart than this fraction of the larger of the distance and the
+    /// largest coordinate of the ray's origin.
+    pub distance_tolerance: f32,
+    /// The backend that the others are held to, in its first mode.
+    pub reference: &'static str,
+    /// One by one.
+    pub against: Vec<Against>,
+}
+
+/// One backend against the reference.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Against {
+    /// Which.
+    pub name: &'static str,
+    /// The counts.
+    #[serde(flatten)]
+    pub agreement: Agreement,
+}
+
+/// What was rendered.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SceneRecord {
+    /// The file.
+    pub file: String,
+    /// Triangles over all placements.
+    pub triangles: u64,
+}
+
+/// A backend that was not measured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Skipped {
+    /// Which.
+    pub name: &'static str,
+    /// Why.
+    pub why: String,
+}
+
+/// Measures `scene`. `step` is told what comes next, for a display of progress.
+///
+/// # Errors
+/// Those of [`Renderer::new`]; [`Error::Option`] for a scene too large for its backend; [`Error::Backend`] when two query modes of one backend do not
+/// agree.
+pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) -> Result<Report> {
+    step("recording the rays of a frame");
+    let renderer = Renderer::new(scene, options.render.clone())?;
+    let plan = renderer.plan();
+    if let Some(why) = rates::refusal(plan.backend, renderer.geometry()) {
+        return Err(Error::Option { option: "--backend", problem: format!("{}: {why}", plan.backend.name()) });
+    }
+    let (recording, _) = Recording::of(&renderer, RECORDING_BYTES)?;
+
+    let mut pools = vec![replay::pool(1)?];
+    if plan.threads > 1 {
+        pools.push(replay::pool(plan.threads)?);
+    }
+    let isa = plan.isa.as_deref();
+    let setup = Setup { geometry: renderer.geometry(), recording: &recording, pools: &pools, isa };
+    // The renderer's backend comes first: it is the reference of the others.
+    let mut kinds = vec![plan.backend];
+    kinds.extend(BackendKind::available().iter().filter(|kind| **kind != plan.backend));
+    let (mut backends, mut skipped) = (Vec::new(), Vec::new());
+    for kind in kinds {
+        if let Some(why) = rates::refusal(kind, renderer.geometry()) {
+            skipped.push(Skipped { name: kind.name(), why });
+            continue;
+        }
+        step(&format!("validating and timing {}", kind.name()));
+        backends.push((kind, rates::measure(kind, &setup)?));
+    }
+
+    step("timing the frame against its bare rays");
+    let frame = frame_figure(&renderer, &backends, &recording, &pools[pools.len() - 1], options.pairs)?;
+    let agreement = agreement(&backends, &renderer, &recording);
+    let processor = Processor::detect();
+    Ok(Report {
+        machine: Machine { cpu: processor.name.clone(), isa: processor.isa(), threads: plan.threads },
+        backends: backends.into_iter().map(|(_, rates)| rates).collect(),
+        agreement,
+        frame,
+        scene: SceneRecord { file: scene.file.display().to_string(), triangles: scene.triangle_count() },
+        skipped,
+        pathspace: env!("CARGO_PKG_VERSION"),
+    })
+}
+
+/// Holds every backend to the first, on rays that both have traced.
+fn agreement(backends: &[(BackendKind, BackendRates)], renderer: &Renderer, recording: &Recording) -> AgreementReport {
+    let (first, reference) = &backends[0];
+    let geometry = renderer.geometry();
+    let (mut total, mut against) = (Agreement::default(), Vec::new());
+    for (kind, rates) in &backends[1..] {
+        // Brute has traced fewer waves: then it is the reference that traces those.
+        let waves = rates::waves(*kind, geometry, recording);
+        let counts = if waves.len() == rates::waves(*first, geometry, recording).len() {
+            Agreement::of(&waves, &rates.outcomes, &reference.outcomes)
+        } else {
+            Agreement::of(&waves, &rates.outcomes, &replay::outcomes(renderer.backend(), &waves))
+        };
+        total.merge(&counts);
+        against.push(Against { name: rates.name, agreement: counts });
+    }
+    AgreementReport { total, distance_tolerance: DISTANCE_TOLERANCE, reference: reference.name, against }
+}
+
+/// The frame figure with the fastest mode of each class, by the rates with all threads.
+fn frame_figure(
+    renderer: &Renderer,
+    backends: &[(BackendKind, BackendRates)],
+    recording: &Recording,
+    pool: &rayon::ThreadPool,
+    pairs: usize,
+) -> Result<Frame> {
+    let plan = renderer.plan();
+    let threads = pool.current_num_threads();
+    let rates = backends.iter().find(|(kind, _)| *kind == plan.backend).map(|(_, rates)| rates);
+    let fastest = |class: RayClass, planned: QueryMode| {
+        let rates = rates.iter().flat_map(|rates| &rates.rays);
+        let best = rates
+            .filter(|rate| rate.class == class.name() && rate.threads == threads)
+            .max_by(|a, b| a.mrays_per_s.total_cmp(&b.mrays_per_s));
+        best.and_then(|rate| rate.mode.parse().ok()).unwrap_or(planned)
+    };
+    let planned = plan.backend_options();
+    let mut best = planned.clone();
+    best.coherent = fastest(RayClass::Camera, planned.coherent);
+    best.incoherent = fastest(RayClass::Bounce, planned.incoherent);
+    best.shadow = fastest(RayClass::Shadow, planned.shadow);
+    // The renderer's own hierarchy serves where it runs in these modes: two would share the caches.
+    if best == planned {
+        return frame::measure(renderer, renderer.backend(), recording, pool, pairs);
+    }
+    let other = backend::build(plan.backend, renderer.geometry(), &best)?;
+    frame::measure(renderer, other.as_ref(), recording, pool, pairs)
+}

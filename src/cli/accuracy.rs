@@ -1,0 +1,190 @@
+//! `pathspace accuracy`: what accuracy costs in time for one scene. Loads it, runs the study within the budget, prints the
+//! tables on stdout and writes the report where a folder is named. Progress goes to stderr.
+
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::args::AccuracyArgs;
+use super::job::{self, EnvironmentRequest};
+use super::report::Verbosity;
+use super::signal::Signals;
+use super::{EXIT_OK, print, to_json};
+use crate::accuracy::reference::Reference;
+use crate::accuracy::report::{Report, Setup};
+use crate::accuracy::study::{self, Request, Step, Study};
+use crate::accuracy::{html, settings, table};
+use crate::backend::BackendInfo;
+use crate::error::{Error, Result};
+use crate::film::atomic::{check_writable, write_atomically};
+use crate::film::exr::{Picture, read_exr};
+use crate::film::filter::FilterKind;
+use crate::machine::Processor;
+use crate::render::{RenderOptions, Renderer};
+use crate::scene::Scene;
+
+/// Pixels of a study when no size is asked for: enough that relMSE of a run scatters by a few percent only, and few
+/// enough for a hundred runs in a minute.
+const DEFAULT_PIXELS: f64 = 4900.0;
+
+/// Runs the command.
+pub fn run(args: &AccuracyArgs) -> Result<u8> {
+    let started = Instant::now();
+    let verbosity = Verbosity::of(args.quiet, false);
+    let signals = Signals::listen()?;
+    job::check(&args.settings)?;
+    let outputs = args.output.as_deref().map(Outputs::prepare).transpose()?;
+    let given = args.reference.as_deref().map(|path| read_exr(path).map(|picture| (path, picture))).transpose()?;
+
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment))?;
+    verbosity.warnings(&scene.warnings);
+    let load_s = started.elapsed().as_secs_f64();
+    let full = job::settings(&args.settings, scene);
+    let base = sized(args, full.clone(), given.as_ref().map(|(_, picture)| picture));
+    job::check_memory(&base)?;
+    let reference = given.as_ref().map(|(path, picture)| reference(path, picture, &base)).transpose()?;
+    verbosity.note(format_args!(
+        "accuracy: {}x{} pixels, {:.0} s; a signal keeps what is measured",
+        base.width,
+        base.height,
+        args.budget.as_secs_f64()
+    ));
+
+    let request = Request { base, budget: args.budget, full: args.full, reference, load_s };
+    let mut shown = String::new();
+    let study = study::run(scene, &request, started, &mut |step: &Step| {
+        if step.what != shown {
+            shown = step.what.into();
+            verbosity.note(format_args!("accuracy: {:5.1} s  {shown}", step.elapsed.as_secs_f64()));
+        }
+        if signals.exit_code().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+
+    let setup = setup(args, scene, &request, (full.width, full.height), &study)?;
+    let report = Report::new(&study, setup, args.reference.as_ref().map(|path| path.display().to_string()));
+    print(&table::text(&report))?;
+    if let Some(outputs) = outputs {
+        outputs.write(&report, &study)?;
+        verbosity.note(format_args!("wrote {}", outputs.html.display()));
+    }
+    Ok(if study.interrupted { signals.exit_code().unwrap_or(EXIT_OK) } else { EXIT_OK })
+}
+
+/// The options at the size of the study: as asked, the reference's, else [`DEFAULT_PIXELS`] of the picture's shape.
+fn sized(args: &AccuracyArgs, options: RenderOptions, reference: Option<&Picture>) -> RenderOptions {
+    if args.settings.width.is_some() || args.settings.height.is_some() || args.settings.crop.is_some() {
+        return options;
+    }
+    if let Some(picture) = reference {
+        return RenderOptions { width: picture.display.0 as u32, height: picture.display.1 as u32, ..options };
+    }
+    let (w, h) = (f64::from(options.width), f64::from(options.height));
+    let scale = (DEFAULT_PIXELS / (w * h)).sqrt().min(1.0);
+    let side = |length: f64| (length * scale).round().max(1.0) as u32;
+    RenderOptions { width: side(w), height: side(h), ..options }
+}
+
+/// A given reference at the size of the picture: as it is, or averaged over whole blocks, which is exact for the box filter.
+fn reference(path: &Path, picture: &Picture, base: &RenderOptions) -> Result<Reference> {
+    let refuse = |problem: String| Err(Error::Option { option: "--reference", problem });
+    let (w, h) = (base.width as usize, base.height as usize);
+    let found = format!("{}: {}x{}", path.display(), picture.width, picture.height);
+    if base.crop.is_some() || (picture.width, picture.height) != picture.display {
+        return refuse(format!("{found}; a study against a reference takes whole pictures, without --crop"));
+    }
+    let block = picture.width / w.max(1);
+    if block == 0 || (block * w, block * h) != (picture.width, picture.height) {
+        return refuse(format!("{found}; expected {w}x{h} or a whole multiple of it"));
+    }
+    if block > 1 && base.filter != FilterKind::Box {
+        return refuse(format!("{found}; reducing it to {w}x{h} is exact for --filter box only"));
+    }
+    if picture.rgb.iter().flatten().any(|v| !v.is_finite()) {
+        return refuse(format!("{}: expected finite values", path.display()));
+    }
+    let mut values = vec![0.0; 3 * w * h];
+    let share = 1.0 / (block * block) as f64;
+    for (i, pixel) in picture.rgb.iter().enumerate() {
+        let place = i / picture.width / block * w + i % picture.width / block;
+        for c in 0..3 {
+            values[3 * place + c] += share * f64::from(pixel[c]);
+        }
+    }
+    Ok(Reference::of_values(values, None))
+}
+
+fn setup(
+    args: &AccuracyArgs,
+    scene: &Scene,
+    request: &Request,
+    (render_width, render_height): (u32, u32),
+    study: &Study,
+) -> Result<Setup> {
+    let base = &request.base;
+    let window = base.crop.map_or((base.width, base.height), |crop| (crop.width, crop.height));
+    let renderer = Renderer::new(scene, RenderOptions { spp: Some(1), ..base.clone() })?;
+    Ok(Setup {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: args.scene.display().to_string(),
+        resolution: [window.0, window.1],
+        render_resolution: base.crop.map_or([render_width, render_height], |crop| [crop.width, crop.height]),
+        threads: renderer.plan().threads,
+        cpu: Processor::detect().name,
+        backend: backend_text(renderer.backend_info()),
+        options: settings::describe(base),
+        load: load_per_processor(),
+        budget_s: request.budget.as_secs_f64(),
+        seconds: study.seconds,
+        fixed_s: study.fixed_s,
+        seeds: [base.seed, base.seed.wrapping_add(1), study::reference_seed(base.seed)],
+    })
+}
+
+fn backend_text(info: &BackendInfo) -> String {
+    format!(
+        "{} {} ({}; camera {}, bounce {}, shadow {})",
+        info.kind.name(),
+        info.version,
+        info.isa,
+        info.rays_coherent,
+        info.rays_incoherent,
+        info.rays_shadow
+    )
+}
+
+/// Runnable processes per processor over the last minute.
+fn load_per_processor() -> Option<f64> {
+    let text = fs::read_to_string("/proc/loadavg").ok()?;
+    let load: f64 = text.split_whitespace().next()?.parse().ok()?;
+    Some(load / std::thread::available_parallelism().ok()?.get() as f64)
+}
+
+/// The files of a report.
+struct Outputs {
+    html: PathBuf,
+    json: PathBuf,
+    csv: PathBuf,
+}
+
+impl Outputs {
+    /// Makes the folder, if it is not there, and makes sure that the files can be written.
+    fn prepare(folder: &Path) -> Result<Self> {
+        fs::create_dir_all(folder).map_err(|source| Error::io(folder, "create", source))?;
+        let file = |name: &str| folder.join(name);
+        let outputs = Outputs { html: file("report.html"), json: file("report.json"), csv: file("report.csv") };
+        for path in [&outputs.html, &outputs.json, &outputs.csv] {
+            check_writable(path)?;
+        }
+        Ok(outputs)
+    }
+
+    fn write(&self, report: &Report, study: &Study) -> Result<()> {
+        let texts =
+            [(&self.json, to_json(report)), (&self.csv, table::csv(report)), (&self.html, html::page(report, study))];
+        for (path, text) in texts {
+            write_atomically(path, |writer| std::io::Write::write_all(writer, text.as_bytes()))?;
+        }
+        Ok(())
+    }
+}
