@@ -1,6 +1,8 @@
 //! Statistics of a render as JSON, schema 1. Keys and their order are a contract: keys may be added behind the others,
 //! never renamed. Units are in the names; times are wall seconds, rates are 10⁶ per second of `seconds.render`.
 
+pub mod bias;
+
 use serde::Serialize;
 
 use crate::backend::BackendInfo;
@@ -49,7 +51,7 @@ pub struct Stats {
     pub backend: BackendStats,
     /// What the scene asks for, and what was done about it.
     pub effects: Effects,
-    /// Known biases.
+    /// Known biases with what they removed; the depth limit first.
     pub bias: Vec<Bias>,
     /// The film's estimate of its own error; `null` until both halves of the film have samples.
     pub error: Option<ErrorStats>,
@@ -273,7 +275,7 @@ impl Stats {
             stop: render.stop.name(),
             backend: BackendStats::of(backend),
             effects: plan.effects.clone(),
-            bias: plan.bias.clone(),
+            bias: bias::ledger(plan, render),
             error: film.error_estimate().map(|e| ErrorStats {
                 relmse: e.relmse,
                 stderr_mean: e.stderr_mean,

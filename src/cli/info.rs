@@ -78,8 +78,10 @@ impl fmt::Display for PlanRecord {
             write!(f, "\naov         {}", self.aovs.join(", "))?;
         }
         for bias in &self.bias {
-            let removed = bias.energy_removed.map_or("not measured".into(), |e| format!("{:.4} %", 100.0 * e));
-            write!(f, "\nbias        {} (energy removed: {removed})", bias.what)?;
+            write!(f, "\nbias        {}", bias.what)?;
+            if let Some(most) = bias.radiance_removed_at_most {
+                write!(f, ": takes at most {most:.2e} W/(sr m²) from any radiance")?;
+            }
         }
         Ok(())
     }

@@ -14,6 +14,7 @@ pub mod render;
 pub mod report;
 pub mod signal;
 pub mod units;
+pub mod verify;
 
 use std::io::{self, Write};
 
@@ -36,6 +37,7 @@ pub fn run(cli: &Cli) -> Result<u8> {
         Command::Render(args) => render::run(args),
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Verify(args) => verify::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Accuracy(args) => accuracy::run(args),
         Command::Doctor => doctor::run(),

@@ -18,7 +18,7 @@ use crate::film::atomic::write_atomically;
 use crate::film::exr::{ExrOptions, ViewMatrices};
 use crate::render::{Render, Renderer, StopReason};
 use crate::scene::Scene;
-use crate::stats::{Inputs, Seconds, Stats};
+use crate::stats::{Inputs, Seconds, Stats, bias};
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<u8> {
@@ -71,7 +71,10 @@ fn render(args: &RenderArgs) -> Result<u8> {
 
     let backend = renderer.backend_info();
     let inputs = Inputs { scene, options: &options, plan: renderer.plan(), backend, render: &render, seconds };
-    let stats = Stats::new(&inputs);
+    let mut stats = Stats::new(&inputs);
+    if args.half {
+        stats.bias.push(bias::half(&render.film));
+    }
     if let Some(path) = &outputs.stats {
         write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?;
     }

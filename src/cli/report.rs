@@ -8,6 +8,9 @@ use std::path::PathBuf;
 use crate::scene::Warning;
 use crate::stats::Stats;
 
+/// Share of the energy from which a bias is told without being asked for: it would show in a comparison of means.
+const BIAS_TOLD: f64 = 1e-3;
+
 /// How much is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verbosity {
@@ -47,6 +50,21 @@ impl Verbosity {
     pub fn warnings(self, warnings: &[Warning]) {
         for warning in warnings {
             self.note(format_args!("pathspace: warning: {}: {}", warning.place, warning.what));
+        }
+    }
+
+    /// Prints what each known bias removed: always from [`BIAS_TOLD`] on, else when verbose.
+    fn biases(self, stats: &Stats) {
+        for bias in &stats.bias {
+            let percent =
+                |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.2e} %", 100.0 * share));
+            let (removed, most) = (percent(bias.energy_removed), percent(bias.energy_removed_at_most));
+            let line = format!("bias {}: energy removed {removed}, at most {most}", bias.what);
+            if bias.energy_removed.is_some_and(|share| share >= BIAS_TOLD) {
+                self.note(line)
+            } else {
+                self.detail(line)
+            }
         }
     }
 
@@ -124,9 +142,7 @@ impl Verbosity {
             s.total,
             stats.peak_rss_bytes.map_or("unknown".into(), bytes)
         ));
-        if stats.capped_paths > 0 {
-            self.detail(format_args!("{} paths were ended by the depth limit", count(stats.capped_paths)));
-        }
+        self.biases(stats);
         if stats.invalid_rays > 0 {
             self.note(format_args!(
                 "pathspace: warning: {} rays were not finite and count as misses",

@@ -28,7 +28,7 @@ pub struct FilterSample {
 }
 
 impl FilterKind {
-    /// Every filter, in the order of the help text.
+    /// Every filter of the command line, in the order of the help text.
     pub const ALL: [FilterKind; 5] =
         [FilterKind::Box, FilterKind::Tent, FilterKind::Gaussian, FilterKind::BlackmanHarris, FilterKind::Mitchell];
 
@@ -40,6 +40,7 @@ impl FilterKind {
             FilterKind::Gaussian => "gaussian",
             FilterKind::BlackmanHarris => "blackman-harris",
             FilterKind::Mitchell => "mitchell",
+            FilterKind::Point => "point",
         }
     }
 
@@ -50,6 +51,7 @@ impl FilterKind {
             FilterKind::Tent => 1.0,
             FilterKind::Gaussian | FilterKind::BlackmanHarris => 1.5,
             FilterKind::Mitchell => 2.0,
+            FilterKind::Point => 0.0,
         }
     }
 
@@ -59,7 +61,7 @@ impl FilterKind {
             return 0.0;
         }
         match self {
-            FilterKind::Box => 1.0,
+            FilterKind::Box | FilterKind::Point => 1.0,
             FilterKind::Tent => 1.0 - x,
             FilterKind::Gaussian => (-0.5 * (x / GAUSSIAN_SIGMA).powi(2)).exp(),
             FilterKind::BlackmanHarris => {
@@ -142,7 +144,7 @@ impl FilterTable {
     /// Builds the tables of `kind` (under a millisecond).
     pub fn new(kind: FilterKind) -> Self {
         let mut table = FilterTable { kind, positive: vec![], negative: vec![], p_positive: 1.0, magnitude: 1.0 };
-        if matches!(kind, FilterKind::Box | FilterKind::Tent) {
+        if matches!(kind, FilterKind::Box | FilterKind::Tent | FilterKind::Point) {
             return table;
         }
         let (crossing, radius) = (kind.zero_crossing(), f64::from(kind.radius()));
@@ -169,6 +171,7 @@ impl FilterTable {
     pub fn sample(&self, u: f32, v: f32) -> FilterSample {
         match self.kind {
             FilterKind::Box => FilterSample { dx: u - 0.5, dy: v - 0.5, weight: 1.0 },
+            FilterKind::Point => FilterSample { dx: 0.0, dy: 0.0, weight: 1.0 },
             FilterKind::Tent => FilterSample { dx: tent(u), dy: tent(v), weight: 1.0 },
             _ => {
                 let (x, y) = (self.axis(u), self.axis(v));

@@ -1,19 +1,19 @@
 //! The plan: every decision of a render, resolved once from scene and options. Everything below reads the plan, never
 //! the options. Pure and printable.
 
+pub mod bias;
 pub mod effects;
 pub mod options;
 
 use std::fmt;
 use std::time::Duration;
 
-use serde::Serialize;
-
 use crate::backend::{BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
 use crate::math::isa;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
+pub use bias::Bias;
 pub use effects::{Effects, Features, Gate, Ignored};
 use options::{Aov, CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
 
@@ -26,15 +26,6 @@ pub const MAX_SIDE: u32 = 1 << 16;
 
 /// Largest number of path edges that may be asked for.
 pub const MAX_DEPTH: u32 = 1 << 16;
-
-/// Something that makes the expected image differ from the true one.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Bias {
-    /// Name, with its parameter: "max-depth 64".
-    pub what: String,
-    /// Fraction of the image's energy that it removes, measured; `None` until measured.
-    pub energy_removed: Option<f64>,
-}
 
 /// Query mode of each ray class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,8 +100,10 @@ pub struct RenderPlan {
     pub aovs: Vec<Aov>,
     /// Names of the stages that run, in order.
     pub stages: Vec<&'static str>,
-    /// Known biases.
+    /// Known biases, the depth limit first.
     pub bias: Vec<Bias>,
+    /// Largest radiance that can arrive anywhere, by channel, W·sr⁻¹·m⁻²; `None` where nothing bounds it.
+    pub radiance_bound: Option<[f64; 3]>,
 }
 
 impl RenderPlan {
@@ -162,10 +155,6 @@ impl RenderPlan {
             bounce: mode(QueryMode::Packet16),
             shadow: mode(QueryMode::Packet16),
         };
-        let mut bias = vec![Bias { what: format!("max-depth {}", options.max_depth), energy_removed: None }];
-        if !options.robust {
-            bias.push(Bias { what: "robust off".into(), energy_removed: None });
-        }
         Ok(RenderPlan {
             resolution,
             window: resolve_window(resolution, options.crop)?,
@@ -195,7 +184,8 @@ impl RenderPlan {
             features,
             effects,
             aovs: options.aovs.clone(),
-            bias,
+            bias: bias::ledger(scene, options),
+            radiance_bound: bias::radiance_bound(scene),
         })
     }
 

@@ -18,6 +18,9 @@ pub enum FilterKind {
     BlackmanHarris,
     /// Mitchell-Netravali (1/3, 1/3), radius 2; has negative lobes, weights are signed.
     Mitchell,
+    /// No filter: one ray through the pixel's centre. What `verify` compares; not on the command line, because its pictures
+    /// alias.
+    Point,
 }
 
 /// The samplers of `--sampler`.

@@ -92,6 +92,17 @@ impl Material {
             || self.emissive_texture.is_some()
     }
 
+    /// The most that the surface can reflect of light from any direction, by channel: the base colour of an exact Lambert
+    /// surface (textures only lower it), 1 where there is a metal, a coat or transmission, 0 for unlit.
+    pub fn reflectance_bound(&self) -> Vec3 {
+        let lambert = self.metallic == 0.0 && self.specular == 0.0 && self.transmission == 0.0;
+        match (self.unlit, lambert) {
+            (true, _) => Vec3::ZERO,
+            (false, true) => self.base_color,
+            (false, false) => Vec3::ONE,
+        }
+    }
+
     /// Whether the surface can emit light by itself (area light).
     pub fn is_emissive(&self) -> bool {
         !self.unlit && self.emissive.max_element() > 0.0

@@ -50,8 +50,7 @@ pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
     for block in 0..blocks {
         let lanes = dense[block];
         if lanes != 0 {
-            capped +=
-                shade_block::<S>(context, &current.rays[block], &current.paths[block], lanes, &mut outputs, edge);
+            capped += shade_block::<S>(context, &current.rays[block], &current.paths[block], lanes, &mut outputs, edge);
         }
     }
     for lanes in queues[super::queue::Kind::Lambert as usize].chunks(LANES) {
@@ -90,6 +89,9 @@ fn shade_block<S: Scheme>(
 ) -> u64 {
     let mut block = Block::gather(context, rays, paths, lanes, outputs.sums, edge);
     if edge >= context.plan.max_depth {
+        for i in (0..LANES).filter(|i| lanes >> i & 1 == 1) {
+            outputs.sums.capped.add(get(&block.beta, i) * get(&block.albedo, i) * paths.eta_scale[i]);
+        }
         return u64::from(lanes.count_ones());
     }
     block.shade::<S>(context, paths, outputs, edge);

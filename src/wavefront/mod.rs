@@ -5,6 +5,7 @@
 //! threads nor tiles: a pixel's samples are added in ascending order.
 
 pub mod accumulate;
+pub mod capped;
 pub mod classify;
 pub mod columns;
 pub mod estimator;
@@ -31,6 +32,7 @@ use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
+use capped::Capped;
 use queue::Kind;
 use raygen::Chunk;
 use state::{NO_MEDIUM, Wave};
@@ -89,6 +91,8 @@ pub struct Counters {
     pub nonfinite_first: Vec<NonFinite>,
     /// Paths ended by the depth limit.
     pub capped_paths: u64,
+    /// What those could still have carried.
+    pub capped: Capped,
 }
 
 impl Counters {
@@ -107,6 +111,7 @@ impl Counters {
         self.invalid_rays += other.invalid_rays;
         self.nonfinite += other.nonfinite;
         self.capped_paths += other.capped_paths;
+        self.capped.merge(&other.capped);
         self.nonfinite_first.extend_from_slice(&other.nonfinite_first);
         self.nonfinite_first.sort_by_key(|n| (n.sample, n.pixel.1, n.pixel.0));
         self.nonfinite_first.truncate(accumulate::NONFINITE_LISTED);
@@ -170,5 +175,6 @@ fn run_inline<S: Scheme>(
         coherence = Coherence::Incoherent;
         edge += 1;
     }
+    counters.capped.merge(&std::mem::take(&mut wave.sums.capped));
     accumulate::samples(chunk, wave, pixels, counters);
 }

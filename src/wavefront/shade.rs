@@ -82,6 +82,7 @@ fn shade_lane<S: Scheme>(
         }
     }
     if edge >= plan.max_depth {
+        wave.sums.capped.add(path.beta * material.reflectance_bound() * path.eta_scale);
         return true;
     }
 

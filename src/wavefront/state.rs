@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::capped::Capped;
 use super::columns::{Lane, Lane3, Mask};
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
 use crate::film::lengths::LENGTHS;
@@ -295,6 +296,8 @@ pub struct Sums {
     pub gathered: Vec<Gathered>,
     /// Radiance by camera sample and number of edges; empty unless asked for.
     pub per_length: Vec<[[f32; 3]; LENGTHS]>,
+    /// What the paths that the depth limit ended could still have carried.
+    pub capped: Capped,
 }
 
 impl Wave {
@@ -310,6 +313,7 @@ impl Wave {
             sums: Sums {
                 gathered: vec![Gathered::default(); capacity],
                 per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
+                capped: Capped::default(),
             },
         }
     }

@@ -60,7 +60,7 @@ fn write_grey(path: &Path, size: (u32, u32), value: f32, first: f32) {
 #[test]
 fn help_and_version_go_to_stdout() {
     let help = out(&run(0, &["--help"]));
-    for word in ["render", "info", "compare", "doctor", "Exit codes", "128+n"] {
+    for word in ["render", "info", "compare", "verify", "doctor", "Exit codes", "128+n"] {
         assert!(help.contains(word), "{word} is missing in:\n{help}");
     }
     assert_eq!(out(&run(0, &["--version"])), format!("pathspace {}\n", env!("CARGO_PKG_VERSION")));
@@ -261,6 +261,25 @@ fn info_prints_the_plan_as_json_with_the_contracted_keys() {
     assert_eq!(lights(&lit), lights(&record) + 1, "{lit}");
     let plain = out(&run(0, &["info", text(&scene)]));
     assert!(plain.contains("stages") && plain.contains("triangles"), "{plain}");
+}
+
+#[test]
+fn verify_prints_a_table_or_json_and_refuses_by_material() {
+    let scene = cornell_box();
+    let small = ["--patches", "200", "--spp", "32", "--width", "16"];
+    let table = out(&run(0, &[&["verify", text(&scene)], &small[..]].concat()));
+    for word in ["bounce_00", "bounce_tail", "spectral radius", "depth limit 64", "all 80 terms agree"] {
+        assert!(table.contains(word), "{word} is missing in:\n{table}");
+    }
+    let record = json(&run(0, &[&["verify", text(&scene), "--json"], &small[..]].concat()).stdout);
+    assert_eq!(record["agrees"].as_bool(), Some(true));
+    assert_eq!(record["terms"].as_array().map(Vec::len), Some(80));
+    assert_eq!(record["terms"][3]["length"].as_str(), Some("bounce_03"));
+
+    let glass = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/glass-caustics/scene.gltf");
+    let output = run(4, &["verify", text(&glass)]);
+    assert!(err(&output).contains("/materials/") && err(&output).contains("Lambert"), "{}", err(&output));
+    assert!(out(&output).is_empty() && err(&output).lines().count() == 1, "{}", err(&output));
 }
 
 #[test]

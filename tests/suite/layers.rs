@@ -16,7 +16,7 @@ const LAYERS: &[&[&str]] = &[
     &["camera", "sampler", "texture", "shading", "film"],
     &["wavefront"],
     &["render"],
-    &["stats", "bench", "accuracy"],
+    &["stats", "bench", "accuracy", "verify"],
     &["cli"],
     &["main"],
 ];
