@@ -212,15 +212,23 @@ impl<'a> Renderer<'a> {
     /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
     /// finished and what there is is returned.
     pub fn render_with(&self, progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
-        self.render_watched(progress, None)
+        self.run(progress, None)
     }
 
     /// [`render_with`](Self::render_with), and the picture is shown to `watch` after every pass. The clock stands while it
     /// looks.
     pub fn render_watched(
         &self,
+        progress: impl FnMut(&Progress) -> ControlFlow<()>,
+        mut watch: impl FnMut(&Checkpoint),
+    ) -> Result<Render> {
+        self.run(progress, Some(&mut watch))
+    }
+
+    fn run(
+        &self,
         mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
-        mut watch: Option<&mut dyn FnMut(&Checkpoint) -> Result<()>>,
+        mut watch: Option<&mut dyn FnMut(&Checkpoint)>,
     ) -> Result<Render> {
         let limits = &self.plan.limits;
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
@@ -288,7 +296,7 @@ impl<'a> Renderer<'a> {
             if let Some(watch) = &mut watch {
                 let showing = Instant::now();
                 let film = film.lock().expect("no worker panicked");
-                watch(&Checkpoint { elapsed, spp: done, film: &film })?;
+                watch(&Checkpoint { elapsed, spp: done, film: &film });
                 shown += showing.elapsed();
             }
             if stop == StopReason::Error {

@@ -5,6 +5,7 @@
 pub mod args;
 pub mod compare;
 pub mod doctor;
+pub mod error_log;
 pub mod info;
 pub mod job;
 pub mod progress;

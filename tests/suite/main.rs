@@ -9,6 +9,7 @@ mod common;
 mod conformance;
 mod determinism;
 mod environments;
+mod estimate;
 mod film;
 mod layers;
 mod lights;
