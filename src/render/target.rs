@@ -31,7 +31,7 @@ pub const LEAST_SAMPLES: u64 = 1 << 16;
 const FIRST_LOOK: u64 = 4;
 
 /// Fewest samples per pixel of a look that enters the prediction: below, the denominators of the estimate are off.
-const PILOT_SPP: u64 = 8;
+const PILOT_SPP: u64 = 16;
 
 /// How fast the uncertainty of the denominators falls with the samples: N^−0.6 on the shared scenes.
 const DENOMINATOR_SLOPE: f64 = 0.6;
