@@ -305,11 +305,12 @@ impl ErrorEstimate {
 
     /// Limit that the relMSE of *this* picture stays below with the confidence of `quantiles` standard deviations. Wider
     /// than the interval of the expected relMSE: the picture's own error scatters as the estimate does, and
-    /// independently of it.
+    /// independently of it. The pixel with the largest share is counted twice, as if one more like it had been missed.
     pub fn picture_limit(&self, quantiles: f64) -> f64 {
         if self.relmse > 0.0 {
             let scatter = std::f64::consts::SQRT_2 * self.relmse_stderr / self.relmse;
-            self.relmse * (quantiles * scatter.hypot(self.denominator_error)).exp()
+            let missed = 1.0 + self.largest_share;
+            self.relmse * missed * (quantiles * scatter.hypot(self.denominator_error)).exp()
         } else {
             self.relmse
         }
