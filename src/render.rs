@@ -126,9 +126,13 @@ const PASS_SAMPLES: u64 = 64;
 /// How often the error is estimated for the report alone.
 const ESTIMATE_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Seconds of rendering, or samples per pixel if they come first, after which the pilot of an error target ends: the
-/// prediction of that moment is kept and held against what the render took.
-const PILOT: (f64, u64) = (2.0, 128);
+/// Least time between two estimates for the report, in times that one takes: 2 % of the time at most.
+const ESTIMATE_COST: u32 = 50;
+
+/// The pilot of an error target ends after this time, but not before these samples per pixel (below, the estimate is not
+/// good enough to go by), and at the second number at the latest. The prediction of that moment is kept and held against
+/// what the render took.
+const PILOT: (Duration, u64, u64) = (Duration::from_secs(2), 32, 128);
 
 /// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
 const PASS_SECONDS: f64 = 0.4;
@@ -264,16 +268,16 @@ impl<'a> Renderer<'a> {
     pub fn render_watched(
         &self,
         progress: impl FnMut(&Progress) -> ControlFlow<()>,
-        watch: Option<&mut dyn FnMut(&Checkpoint) -> Result<()>>,
+        mut watch: impl FnMut(&Checkpoint),
     ) -> Result<Render> {
-        self.render_on(self.backend(), progress, watch)
+        self.render_on(self.backend(), progress, Some(&mut watch))
     }
 
     fn render_on(
         &self,
         backend: &dyn Backend,
         mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
-        mut watch: Option<&mut dyn FnMut(&Checkpoint) -> Result<()>>,
+        mut watch: Option<&mut dyn FnMut(&Checkpoint)>,
     ) -> Result<Render> {
         let limits = &self.plan.limits;
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
@@ -290,7 +294,7 @@ impl<'a> Renderer<'a> {
         let (mut done, mut relmse, mut predicted, mut forecast) = (0u64, None, None, None);
         let mut stop = StopReason::Spp;
         let (mut last, mut estimated, mut shown) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
-        let mut samples = 1u64;
+        let (mut samples, mut interval) = (1u64, ESTIMATE_INTERVAL);
         while done < spp_limit {
             samples = samples.min(spp_limit - done);
             let pass = Pass {
@@ -327,7 +331,7 @@ impl<'a> Renderer<'a> {
                 (relmse, estimated) = (estimate.map(|e| e.relmse), elapsed);
                 let met = target.look(done, elapsed.as_secs_f64(), estimate);
                 predicted = target.predicted();
-                let pilot_over = elapsed.as_secs_f64() >= PILOT.0 || done >= PILOT.1;
+                let pilot_over = (elapsed >= PILOT.0 && done >= PILOT.1) || done >= PILOT.2;
                 if let (None, true, false, Some(predicted)) = (forecast, pilot_over, met, predicted) {
                     let after_seconds = elapsed.as_secs_f64();
                     forecast = Some(Forecast { after_seconds, after_spp: done, predicted });
@@ -335,14 +339,15 @@ impl<'a> Renderer<'a> {
                 if met {
                     stop = StopReason::Error;
                 }
-            } else if elapsed - estimated >= ESTIMATE_INTERVAL {
+            } else if elapsed - estimated >= interval {
                 relmse = self.estimate(&film).map(|e| e.relmse);
-                estimated = elapsed;
+                estimated = start.elapsed() - shown;
+                interval = ESTIMATE_INTERVAL.max((estimated - elapsed) * ESTIMATE_COST);
             }
             if let Some(watch) = &mut watch {
                 let showing = Instant::now();
                 let film = film.lock().expect("no worker panicked");
-                watch(&Checkpoint { elapsed, spp: done, film: &film })?;
+                watch(&Checkpoint { elapsed, spp: done, film: &film });
                 shown += showing.elapsed();
             }
             if stop == StopReason::Error {

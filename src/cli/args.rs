@@ -78,6 +78,12 @@ pub struct RenderArgs {
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     pub stats: Option<PathBuf>,
+    /// Picture to hold the render against while it runs, OpenEXR of the same size; needs --error-log
+    #[arg(long, value_name = "REF.exr", requires = "error_log", help_heading = "Output")]
+    pub reference: Option<PathBuf>,
+    /// Write a line after every pass: seconds, spp, error against the reference, and the estimated one with its interval
+    #[arg(long, value_name = "RUN.csv", requires = "reference", help_heading = "Output")]
+    pub error_log: Option<PathBuf>,
 
     /// Stop at N samples per pixel [default without any limit: 64]
     #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Stopping")]
@@ -85,10 +91,10 @@ pub struct RenderArgs {
     /// Stop after this wall time of rendering: 90s, 10m, 1h30m
     #[arg(long, value_name = "DURATION", value_parser = units::duration, help_heading = "Stopping")]
     pub time: Option<Duration>,
-    /// Stop when the estimated relative RMSE (√relMSE) of the picture is below this: 1% or 0.01
+    /// Stop when the relative RMSE (√relMSE) of the picture is below this with confidence, as estimated: 1% or 0.01
     #[arg(long, value_name = "E", value_parser = units::fraction, help_heading = "Stopping")]
     pub error: Option<f64>,
-    /// Samples per pixel before --error may stop the render
+    /// Samples per pixel before --error may stop the render; it also waits for 65536 samples over the picture
     #[arg(long, value_name = "N", default_value_t = 16, requires = "error", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping")]
     pub min_spp: u64,
 

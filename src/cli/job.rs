@@ -41,6 +41,8 @@ pub struct Outputs {
     pub pngs: Vec<PathBuf>,
     /// Statistics.
     pub stats: Option<PathBuf>,
+    /// The error against a reference, pass by pass.
+    pub error_log: Option<PathBuf>,
 }
 
 impl Outputs {
@@ -50,7 +52,8 @@ impl Outputs {
     /// [`Error::Option`] for names of a wrong kind, for a file that is named twice or is also read, and for options
     /// without effect; [`Error::Io`] for a folder that is missing or not writable.
     pub fn check(args: &RenderArgs) -> Result<Self> {
-        let mut outputs = Outputs { stats: args.stats.clone(), ..Outputs::default() };
+        let (stats, error_log) = (args.stats.clone(), args.error_log.clone());
+        let mut outputs = Outputs { stats, error_log, ..Outputs::default() };
         match extension(&args.output).as_deref() {
             Some("exr") => outputs.exr = Some(args.output.clone()),
             Some("png") => outputs.pngs.push(args.output.clone()),
@@ -79,16 +82,23 @@ impl Outputs {
         {
             return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
         }
-        outputs.check_files([Some(&args.scene), args.settings.environment.env.as_ref()])?;
+        if let Some(log) = &outputs.error_log
+            && extension(log).as_deref() != Some("csv")
+        {
+            return refuse("--error-log", format!("{}: the name must end in .csv", log.display()));
+        }
+        outputs.check_files([Some(&args.scene), args.settings.environment.env.as_ref(), args.reference.as_ref()])?;
         Ok(outputs)
     }
 
     /// Each output can be written and is another file than the others and than the `inputs`.
-    fn check_files(&self, inputs: [Option<&PathBuf>; 2]) -> Result<()> {
+    fn check_files(&self, inputs: [Option<&PathBuf>; 3]) -> Result<()> {
         let inputs: Vec<PathBuf> = inputs.into_iter().flatten().filter_map(|path| path.canonicalize().ok()).collect();
         let mut places: Vec<PathBuf> = Vec::new();
         let pictures = self.exr.iter().chain(&self.pngs).map(|path| ("--output", path));
-        for (option, path) in pictures.chain(self.stats.iter().map(|path| ("--stats", path))) {
+        let records = self.stats.iter().map(|path| ("--stats", path));
+        let records = records.chain(self.error_log.iter().map(|path| ("--error-log", path)));
+        for (option, path) in pictures.chain(records) {
             check_writable(path)?;
             if path.canonicalize().is_ok_and(|file| inputs.contains(&file)) {
                 return refuse(option, format!("{} is also read by this render", path.display()));

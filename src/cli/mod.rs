@@ -7,6 +7,7 @@ pub mod args;
 pub mod bench;
 pub mod compare;
 pub mod doctor;
+pub mod error_log;
 pub mod info;
 pub mod job;
 pub mod progress;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::args::RenderArgs;
+use super::error_log::ErrorLog;
 use super::info::PlanRecord;
 use super::job::{self, EnvironmentRequest, Outputs};
 use super::progress::{self, ProgressView};
@@ -16,7 +17,7 @@ use crate::film::Film;
 use crate::film::aov::{self, Sources};
 use crate::film::atomic::write_atomically;
 use crate::film::exr::{ExrOptions, ViewMatrices};
-use crate::render::{Render, Renderer, StopReason};
+use crate::render::{Progress, Render, Renderer, StopReason};
 use crate::scene::Scene;
 use crate::stats::{Inputs, Seconds, Stats, bias};
 
@@ -47,14 +48,22 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let record = PlanRecord::of(renderer.plan(), renderer.backend_info());
     verbosity.detail(&record);
 
+    let mut log = match &args.reference {
+        Some(path) => Some(ErrorLog::open(path, renderer.plan())?),
+        None => None,
+    };
     let mut view = ProgressView::new(args.progress, verbosity, options.error);
-    let render = renderer.render_with(|p| {
+    let progress = |p: &Progress| {
         view.update(p);
         match signals.exit_code() {
             Some(_) => ControlFlow::Break(()),
             None => ControlFlow::Continue(()),
         }
-    })?;
+    };
+    let render = match &mut log {
+        Some(log) => renderer.render_watched(progress, |checkpoint| log.add(checkpoint))?,
+        None => renderer.render_with(progress)?,
+    };
     view.finish(&render);
     seconds.render = render.render_time.as_secs_f64();
 
@@ -66,6 +75,9 @@ fn render(args: &RenderArgs) -> Result<u8> {
         verbosity.note("pathspace: warning: stopped before the first sample; no picture was written");
         Vec::new()
     };
+    if let (Some(log), Some(path)) = (&log, &outputs.error_log) {
+        log.write(path)?;
+    }
     seconds.write = writing.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
 

@@ -106,15 +106,9 @@ impl Verbosity {
                     100.0 * error.largest_share
                 ));
             }
-            let brightness = |rgb: [f64; 3]| rgb.iter().sum::<f64>() / 3.0;
-            let mean = brightness(error.mean);
-            self.detail(format_args!(
-                "mean radiance {:.4e} {:.4e} {:.4e}, standard error {:.2} % of it",
-                error.mean[0],
-                error.mean[1],
-                error.mean[2],
-                if mean > 0.0 { 100.0 * brightness(error.mean_stderr) / mean } else { 0.0 }
-            ));
+            let half = |c: usize| (error.mean_interval[c][1] - error.mean_interval[c][0]) / 2.0;
+            let [r, g, b] = std::array::from_fn(|c| format!("{:.4e} ± {:.1e}", error.mean[c], half(c)));
+            self.note(format_args!("mean radiance (95 %): {r}, {g}, {b} W/(sr·m²)"));
         }
         if let Some(p) = &stats.prediction {
             self.note(format_args!(

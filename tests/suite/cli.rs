@@ -110,7 +110,7 @@ fn help_and_version_go_to_stdout() {
 
 #[test]
 fn usage_errors_exit_2_and_name_the_option() {
-    let cases: [(&[&str], &str); 24] = [
+    let cases: [(&[&str], &str); 27] = [
         (&[], "Usage"),
         (&["paint"], "paint"),
         (&["render"], "SCENE"),
@@ -134,6 +134,9 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--isa", "mmx"], "sse4.2"),
         (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "obvhs"], "--isa: backend 'obvhs'"),
         (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "brute"], "--isa: backend 'brute'"),
+        (&["render", "a.gltf", "-o", "a.exr", "--reference", "b.exr"], "--error-log"),
+        (&["render", "a.gltf", "-o", "a.exr", "--error-log", "b.csv"], "--reference"),
+        (&["render", "a.gltf", "-o", "a.exr", "--reference", "b.exr", "--error-log", "b.txt"], ".csv"),
         (&["info", "a.gltf", "--env-intensity", "2"], "--env"),
     ];
     // Outputs are named without a folder: run where they could be written.
@@ -155,13 +158,17 @@ fn hostile_renders_are_refused_before_anything_is_written() {
     let before = std::fs::read(&env).expect("just written");
     let same = folder.path().join("./env.exr");
     let (exr, env, same) = (text(&exr), text(&env), text(&same));
-    let cases: [(&str, &[&str], &str); 6] = [
+    let log = folder.path().join("run.csv");
+    let log = text(&log);
+    let cases: [(&str, &[&str], &str); 8] = [
         (exr, &["--camera", "nosuch"], "--camera"),
         (exr, &["--camera", "7"], "--camera"),
         (exr, &["--width", "16", "--crop", "8x8+12+0"], "--crop"),
         (exr, &["--width", "65536"], "--width"),
         (env, &["--env", env], "--output"),
         (same, &["--env", env], "--output"),
+        (exr, &["--width", "16", "--reference", env, "--error-log", log], "--reference"),
+        (env, &["--width", "16", "--reference", env, "--error-log", log], "--output"),
     ];
     for (output, more, word) in cases {
         let scene = cornell_box();
@@ -329,6 +336,33 @@ fn a_render_writes_picture_preview_and_statistics() {
     assert_eq!(keys(&record["error"])[..3], ["relmse", "stderr_mean", "confidence"]);
     assert_eq!((record["schema"].as_u64(), record["stop"].as_str()), (Some(1), Some("spp")));
     assert_eq!((record["seed"].as_u64(), record["paths"].as_u64()), (Some(7), Some(16 * 8 * 4)));
+}
+
+/// A picture of other random numbers as reference: twice its variance is what the last line has to show, known to some
+/// 10 % on 1024 pixels; a factor of two never fails by chance.
+#[test]
+fn the_error_log_has_a_line_for_every_pass() {
+    let scene = cornell_box();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let (reference, exr, log) = (path("reference.exr"), path("a.exr"), path("run.csv"));
+    let common = ["render", text(&scene), "--width", "32", "--spp", "32", "-o"];
+    run(0, &[&common[..], &[text(&reference), "--seed", "1"]].concat());
+    let more = [text(&exr), "--crop", "20x32+4+0", "--reference", text(&reference), "--error-log", text(&log)];
+    run(0, &[&common[..], &more].concat());
+    let lines = std::fs::read_to_string(&log).expect("just written");
+    let mut lines = lines.lines();
+    let header: Vec<_> = lines.next().expect("a header").split(',').collect();
+    assert_eq!(header[..5], ["seconds", "spp", "mse", "relmse", "relmse_trimmed"]);
+    assert_eq!(header[5..], ["estimated_relmse", "estimated_low", "estimated_high", "limit"]);
+    let rows: Vec<Vec<Option<f64>>> = lines.map(|l| l.split(',').map(|v| v.parse().ok()).collect()).collect();
+    assert!(rows.len() >= 3 && rows.iter().all(|row| row.len() == 9), "{rows:?}");
+    assert!(rows.windows(2).all(|pair| pair[0][0] < pair[1][0] && pair[0][1] < pair[1][1]), "{rows:?}");
+    // After one sample a half is empty: no estimate.
+    assert_eq!((rows[0][1], rows[0][5]), (Some(1.0), None));
+    let last = &rows[rows.len() - 1];
+    let ratio = last[3].expect("a number") / last[5].expect("a number");
+    assert!(last[1] == Some(32.0) && (1.0..4.0).contains(&ratio), "{last:?}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod common;
 mod conformance;
 mod determinism;
 mod environments;
+mod estimate;
 mod film;
 mod layers;
 mod ledger;
