@@ -14,9 +14,9 @@ const LAYERS: &[&[&str]] = &[
     &["backend"],
     &["plan"],
     &["camera", "sampler", "texture", "shading", "film"],
-    &["wavefront"],
+    &["wavefront", "accuracy"],
     &["render"],
-    &["stats", "bench", "accuracy"],
+    &["stats", "bench", "study"],
     &["cli"],
     &["main"],
 ];
