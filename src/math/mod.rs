@@ -1,5 +1,6 @@
 //! Numbers: frames, warps, tables, error bounds. Nothing here knows of scenes or rays' meaning.
 
+pub mod angle;
 pub mod float;
 pub mod frame;
 pub mod isa;

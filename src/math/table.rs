@@ -215,6 +215,49 @@ pub struct Distribution2D {
     rows: Vec<u32>,
     /// Cumulative steps of the columns of each row, `height × (width + 1)`; all 0 in a row without weight.
     columns: Vec<u32>,
+    row_guide: Guide,
+    /// One after the other, for each row.
+    column_guide: Guide,
+}
+
+/// Where to look in cumulative steps: [0,1) cut into as many equal parts as there are cells, and the cell at the start of
+/// each part. Inversion then searches between two neighbours: in constant time on the average, and as exact as before.
+/// Source: Chen and Asau 1974 (AIIE Trans. 6:2).
+#[derive(Clone, Debug, Default)]
+struct Guide {
+    /// For each table, its number of parts + 1 cells.
+    cells: Vec<u32>,
+    /// log2 of the steps of a part.
+    shift: u32,
+}
+
+impl Guide {
+    fn new(cells: usize) -> Self {
+        Guide { cells: Vec::new(), shift: LATTICE.trailing_zeros() - cells.next_power_of_two().trailing_zeros() }
+    }
+
+    /// Entries that a table has.
+    fn stride(&self) -> usize {
+        (LATTICE >> self.shift) as usize + 1
+    }
+
+    fn push(&mut self, cumulative: &[u32]) {
+        let mut cell = 0;
+        for part in 0..self.stride() as u32 {
+            while cell + 2 < cumulative.len() && cumulative[cell + 1] <= part << self.shift {
+                cell += 1;
+            }
+            self.cells.push(cell as u32);
+        }
+    }
+
+    /// The first cell of table `table` that ends after `step`.
+    #[inline]
+    fn cell(&self, table: usize, cumulative: &[u32], step: u32) -> usize {
+        let at = table * self.stride() + (step >> self.shift) as usize;
+        let (first, last) = (self.cells[at] as usize, self.cells[at + 1] as usize);
+        first + cumulative[first + 1..=last].partition_point(|&end| end <= step)
+    }
 }
 
 impl Distribution2D {
@@ -238,7 +281,10 @@ impl Distribution2D {
         }
         let mut rows = vec![0; height as usize + 1];
         apportion(&row_weights, &mut rows)?;
-        Ok(Distribution2D { width, height, rows, columns })
+        let (mut row_guide, mut column_guide) = (Guide::new(height as usize), Guide::new(width as usize));
+        row_guide.push(&rows);
+        columns.chunks_exact(stride).for_each(|row| column_guide.push(row));
+        Ok(Distribution2D { width, height, rows, columns, row_guide, column_guide })
     }
 
     /// Probability with which the cell is drawn; exactly 0 where the weight was 0.
@@ -253,8 +299,9 @@ impl Distribution2D {
     #[inline]
     pub fn sample_cell(&self, u: f32, v: f32) -> Cell {
         let stride = self.width as usize + 1;
-        let row = invert(&self.rows, v);
-        let column = invert(&self.columns[row.index as usize * stride..][..stride], u);
+        let row = invert(&self.rows, &self.row_guide, 0, v);
+        let columns = &self.columns[row.index as usize * stride..][..stride];
+        let column = invert(columns, &self.column_guide, row.index as usize, u);
         Cell { column: column.index, row: row.index, within: [column.u, row.u], p: row.p * column.p }
     }
 
@@ -278,9 +325,9 @@ impl Distribution2D {
 /// The cell of cumulative steps that `u` falls into. The position within takes the middle of each step: a cell of few
 /// steps is then covered by a midpoint rule instead of its left edges.
 #[inline]
-fn invert(cumulative: &[u32], u: f32) -> Choice {
+fn invert(cumulative: &[u32], guide: &Guide, table: usize, u: f32) -> Choice {
     let (step, _) = lattice_step(u);
-    let index = cumulative[1..].partition_point(|&end| end <= step);
+    let index = guide.cell(table, cumulative, step);
     let steps = cumulative[index + 1] - cumulative[index];
     let within = ((step - cumulative[index]) as f32 + 0.5) / steps as f32;
     Choice { index: index as u32, p: steps as f32 * STEP, u: within.min(BELOW_ONE) }

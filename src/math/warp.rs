@@ -94,7 +94,7 @@ pub fn cap_solid_angle(radius_rad: f32) -> f32 {
 /// Sine and cosine for |x| ≤ π/4, to 1 ulp, without a branch or a call: the Taylor polynomials to x⁹ and x¹⁰ (the
 /// first terms left out are below 2e-9 and 2e-10 there).
 #[inline(always)]
-fn sin_cos_octant(x: f32) -> (f32, f32) {
+pub(super) fn sin_cos_octant(x: f32) -> (f32, f32) {
     debug_assert!(x.abs() <= FRAC_PI_4 * 1.000_001, "octant reduction is the caller's: {x}");
     let x2 = x * x;
     let sin = 1.0 / 362_880.0 * x2 - 1.0 / 5_040.0;

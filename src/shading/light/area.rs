@@ -5,8 +5,8 @@
 //! as it is.
 //! Limit: the spread of one sample grows near a large emitter (relative 0.01 to 0.13 over the floor and most of the
 //! walls of the Cornell box, 0.4 beside its lamp); MIS covers that. All light sampling at the first surface together
-//! makes 1/30 of the squared error of the Cornell box at 16 samples per pixel, so sampling by solid angle has little to
-//! win: a density bilinear between the corners' cos/d⁴ took 4 % off the error there, for as much time.
+//! makes about 1/30 of the squared error of the Cornell box at 16 samples per pixel, so sampling by solid angle has little to
+//! win: a density bilinear between the corners' cos/d⁴ took 4 % off the error there (its time was not resolved).
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -3,18 +3,27 @@
 //! For a unit direction d, u = 0.5 + atan2(d.x, −d.z)/2π and v = acos(d.y)/π; row 0 is the top. Turning the map
 //! counter-clockwise about +Y by an angle a adds a/2π to u. Directions are drawn by texel and uniformly per steradian
 //! within the texel, so the density is the texel's probability over its exact solid angle Δφ·(cos θ₀ − cos θ₁): finite
-//! at the poles. A texel's weight is the mean of the bilinear radiance over it (its 3×3 neighbourhood by 1/8, 3/4, 1/8
+//! at the poles. A texel's radiance is the mean of the bilinear radiance over it (its 3×3 neighbourhood by 1/8, 3/4, 1/8
 //! on each axis), which is above 0 wherever the radiance is, not only around bright texel centres.
+//!
+//! What lies below the map's average is left to BSDF sampling but for a tenth: the weight of a texel is its radiance less
+//! the average (Karlík et al. 2019, "MIS Compensation"), at least a tenth of the radiance, so that light sampling alone
+//! stays unbiased. On `env-object` at 16 spp relMSE falls from 0.149 to 0.071 (0.065 with a fiftieth, 0.098 with half of
+//! the average taken off).
 
-use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::{LightSample, channel_mean, is_radiance};
 use crate::error::{Error, Result};
+use crate::math::angle::{atan2_turns, sin_cos_turns};
 use crate::math::table::{Distribution2D, TableError};
 use crate::scene::light::Environment;
+
+/// Least share of its radiance that a texel is drawn by. It bounds what light sampling alone loses: its variance is at
+/// most 10 times that of a density in proportion to the radiance. On `env-object`: see the module's page.
+const LEAST_SHARE: f64 = 0.1;
 
 /// Mean over one texel of a bilinear lookup, by texel offset −1, 0, +1.
 const FOOTPRINT: [f64; 3] = [0.125, 0.75, 0.125];
@@ -35,6 +44,15 @@ pub struct EnvironmentLight {
     per_steradian: Vec<f32>,
     /// ∫ L dω, mean of the channels, W/m².
     fluence: f64,
+}
+
+/// What a ray that left the scene finds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Radiance that comes back along the ray.
+    pub radiance: Vec3,
+    /// Density with which light sampling draws its direction, sr⁻¹.
+    pub pdf_sa: f32,
 }
 
 /// Coordinates in the map, u in [0,1), v in [0,1].
@@ -61,20 +79,17 @@ impl EnvironmentLight {
             2.0 * middle.sin() * half.sin() * turn_step
         };
 
-        let mut fluence = 0.0;
-        let mut blended = vec![0.0; width];
+        let means = footprint_means(width, height, texels);
+        let fluence: f64 = means
+            .chunks_exact(width)
+            .enumerate()
+            .map(|(row, means)| means.iter().sum::<f64>() * row_solid_angle(row))
+            .sum();
+        let average = fluence / (4.0 * std::f64::consts::PI);
         let density = Distribution2D::new(width as u32, height as u32, |row, weights| {
             let row = row as usize;
-            let rows = [row.saturating_sub(1), row, (row + 1).min(height - 1)];
-            for (column, sum) in blended.iter_mut().enumerate() {
-                *sum = rows.iter().zip(FOOTPRINT).map(|(r, w)| w * channel_mean(texels[r * width + column])).sum();
-            }
-            let solid_angle = row_solid_angle(row);
-            for (column, weight) in weights.iter_mut().enumerate() {
-                let columns = [(column + width - 1) % width, column, (column + 1) % width];
-                let mean: f64 = columns.iter().zip(FOOTPRINT).map(|(&c, w)| w * blended[c]).sum();
-                *weight = mean * solid_angle;
-                fluence += *weight;
+            for (weight, &mean) in weights.iter_mut().zip(&means[row * width..]) {
+                *weight = (mean - average).max(LEAST_SHARE * mean) * row_solid_angle(row);
             }
         });
         let density = match density {
@@ -112,11 +127,11 @@ impl EnvironmentLight {
         let sin_theta = ((1.0 - cos_theta) * (1.0 + cos_theta)).sqrt() as f32;
         let cos_theta = cos_theta as f32;
         let u = (cell.column as f32 + cell.within[0]) / self.width as f32;
-        let (sin_phi, cos_phi) = (TAU * (u - 0.5 - self.turn)).sin_cos();
+        let (sin_phi, cos_phi) = sin_cos_turns(u - 0.5 - self.turn);
         LightSample {
             wi: Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi),
             target: None,
-            radiance: self.lookup(MapPoint { u, v: sin_theta.atan2(cos_theta) / PI }),
+            radiance: self.lookup(MapPoint { u, v: 2.0 * atan2_turns(sin_theta, cos_theta) }),
             texture_point: None,
             pdf_sa: cell.p * self.per_steradian[row],
             delta: false,
@@ -126,7 +141,18 @@ impl EnvironmentLight {
     /// Density of [`sample`](Self::sample) for the unit direction `dir`.
     #[inline]
     pub fn pdf_sa(&self, dir: Vec3) -> f32 {
+        self.pdf_at(self.map_point(dir))
+    }
+
+    /// Radiance and density from one look at the map.
+    #[inline]
+    pub fn seen(&self, dir: Vec3) -> Seen {
         let point = self.map_point(dir);
+        Seen { radiance: self.lookup(point), pdf_sa: self.pdf_at(point) }
+    }
+
+    #[inline(always)]
+    fn pdf_at(&self, point: MapPoint) -> f32 {
         let column = ((point.u * self.width as f32) as u32).min(self.width - 1);
         let row = ((point.v * self.height as f32) as u32).min(self.height - 1);
         self.density.p(column, row) * self.per_steradian[row as usize]
@@ -140,9 +166,10 @@ impl EnvironmentLight {
 
     #[inline]
     fn map_point(&self, dir: Vec3) -> MapPoint {
-        let turned = 0.5 + dir.x.atan2(-dir.z) / TAU + self.turn;
+        let turned = 0.5 + atan2_turns(dir.x, -dir.z) + self.turn;
         // acos d.y by its legs: exact near the poles, where the cosine hardly changes.
-        MapPoint { u: turned - turned.floor(), v: dir.x.hypot(dir.z).atan2(dir.y) / PI }
+        let sin_theta = (dir.x * dir.x + dir.z * dir.z).sqrt();
+        MapPoint { u: turned - turned.floor(), v: 2.0 * atan2_turns(sin_theta, dir.y) }
     }
 
     /// Bilinear between texel centres.
@@ -161,6 +188,23 @@ impl EnvironmentLight {
         let below = texel(i0, j1).lerp(texel(i1, j1), fx);
         above.lerp(below, fy) * self.intensity
     }
+}
+
+/// Mean radiance over each texel under the bilinear lookup, by rows.
+fn footprint_means(width: usize, height: usize, texels: &[Vec3]) -> Vec<f64> {
+    let mut means = Vec::with_capacity(width * height);
+    let mut blended = vec![0.0; width];
+    for row in 0..height {
+        let rows = [row.saturating_sub(1), row, (row + 1).min(height - 1)];
+        for (column, sum) in blended.iter_mut().enumerate() {
+            *sum = rows.iter().zip(FOOTPRINT).map(|(r, w)| w * channel_mean(texels[r * width + column])).sum();
+        }
+        means.extend((0..width).map(|column| {
+            let columns = [(column + width - 1) % width, column, (column + 1) % width];
+            columns.iter().zip(FOOTPRINT).map(|(&c, w)| w * blended[c]).sum::<f64>()
+        }));
+    }
+    means
 }
 
 /// Refuses maps that are not what their description says, and radiance that is no radiance.

@@ -20,7 +20,7 @@ pub mod select;
 pub mod tree;
 
 use area::{AreaLight, Emission, Members};
-use environment::EnvironmentLight;
+use environment::{EnvironmentLight, Seen};
 use select::{Distant, Selection, Selector};
 
 /// A point on a light, drawn for a receiver.
@@ -237,6 +237,17 @@ impl Lights {
     #[inline]
     pub fn environment_radiance(&self, dir: Vec3) -> Vec3 {
         self.environment.as_ref().map_or(Vec3::ZERO, |light| light.radiance(dir))
+    }
+
+    /// What a ray from `p` in the unit direction `dir` finds when it leaves the scene, with the density of the direction
+    /// under [`sample`](Self::sample) for that receiver; black without an environment.
+    #[inline]
+    pub fn environment_seen(&self, dir: Vec3, p: Vec3, n: Vec3) -> Seen {
+        self.environment.as_ref().map_or(Seen { radiance: Vec3::ZERO, pdf_sa: 0.0 }, |light| {
+            let number = (self.areas.len() + self.punctual.len()) as u32;
+            let Seen { radiance, pdf_sa } = light.seen(dir);
+            Seen { radiance, pdf_sa: self.selector.p_select(number, p, n) * pdf_sa }
+        })
     }
 
     /// Density with which [`sample`](Self::sample) would have drawn `dir` from the environment.
