@@ -1,16 +1,6 @@
 //! Accuracy: metrics of an image against a reference, and what a smaller error costs. A film's estimate of its own error
-//! is `film::estimate`.
+//! is `film::estimate`; what accuracy costs in time is measured by `study`.
 
-pub mod clock;
 pub mod flip;
-pub mod html;
 pub mod metrics;
-pub mod notes;
-pub mod plot;
 pub mod predict;
-pub mod reference;
-pub mod report;
-pub mod runs;
-pub mod settings;
-pub mod study;
-pub mod table;

@@ -11,10 +11,6 @@ use super::job::{self, EnvironmentRequest};
 use super::report::Verbosity;
 use super::signal::Signals;
 use super::{EXIT_OK, print, to_json};
-use crate::accuracy::reference::Reference;
-use crate::accuracy::report::{Report, Setup};
-use crate::accuracy::study::{self, Request, Step, Study};
-use crate::accuracy::{html, settings, table};
 use crate::backend::BackendInfo;
 use crate::error::{Error, Result};
 use crate::film::atomic::{check_writable, write_atomically};
@@ -23,6 +19,10 @@ use crate::film::filter::FilterKind;
 use crate::machine::Processor;
 use crate::render::{RenderOptions, Renderer};
 use crate::scene::Scene;
+use crate::study::measure::{self, Request, Step, Study};
+use crate::study::reference::Reference;
+use crate::study::report::{Report, Setup};
+use crate::study::{html, settings, table};
 
 /// Pixels of a study when no size is asked for: enough that relMSE of a run scatters by a few percent only, and few
 /// enough for a hundred runs in a minute.
@@ -53,7 +53,7 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
 
     let request = Request { base, budget: args.budget, full: args.full, reference, load_s };
     let mut shown = String::new();
-    let study = study::run(scene, &request, started, &mut |step: &Step| {
+    let study = measure::run(scene, &request, started, &mut |step: &Step| {
         if step.what != shown {
             shown = step.what.into();
             verbosity.note(format_args!("accuracy: {:5.1} s  {shown}", step.elapsed.as_secs_f64()));
@@ -137,7 +137,7 @@ fn setup(
         budget_s: request.budget.as_secs_f64(),
         seconds: study.seconds,
         fixed_s: study.fixed_s,
-        seeds: [base.seed, base.seed.wrapping_add(1), study::reference_seed(base.seed)],
+        seeds: [base.seed, base.seed.wrapping_add(1), measure::reference_seed(base.seed)],
     })
 }
 

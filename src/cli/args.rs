@@ -244,6 +244,12 @@ pub struct CompareArgs {
     /// Warn where a channel differs by more than this
     #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
     pub warn: f32,
+    /// Percentage of pixels that may be above --warn without a warning
+    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = units::not_negative)]
+    pub warnpercent: f32,
+    /// Warn if one channel of one pixel differs by more than this [default: no such limit]
+    #[arg(long, value_name = "X", value_parser = units::not_negative)]
+    pub hardwarn: Option<f32>,
 }
 
 /// `verify`.

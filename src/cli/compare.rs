@@ -70,11 +70,14 @@ fn judge(args: &CompareArgs, image: &Picture, reference: &Picture) -> Result<Ver
     let (failing_pixels, warning_pixels) = (count(args.fail), count(args.warn));
     let max_difference = differences.iter().copied().fold(0.0, f64::max);
 
-    let allowed = f64::from(args.failpercent) / 100.0 * differences.len() as f64;
-    let hard = args.hardfail.is_some_and(|limit| max_difference > f64::from(limit));
-    let verdict = if failing_pixels as f64 > allowed || hard {
+    // Too many pixels above the soft threshold, or one above the hard one.
+    let exceeds = |pixels: usize, percent: f32, hard: Option<f32>| {
+        pixels as f64 > f64::from(percent) / 100.0 * differences.len() as f64
+            || hard.is_some_and(|limit| max_difference > f64::from(limit))
+    };
+    let verdict = if exceeds(failing_pixels, args.failpercent, args.hardfail) {
         Verdict::Failure
-    } else if warning_pixels > 0 {
+    } else if exceeds(warning_pixels, args.warnpercent, args.hardwarn) {
         Verdict::Warning
     } else {
         Verdict::Ok

@@ -14,9 +14,9 @@ const LAYERS: &[&[&str]] = &[
     &["backend"],
     &["plan"],
     &["camera", "sampler", "texture", "shading", "film"],
-    &["wavefront"],
+    &["wavefront", "accuracy"],
     &["render"],
-    &["stats", "bench", "accuracy", "verify"],
+    &["stats", "bench", "study", "verify"],
     &["cli"],
     &["main"],
 ];

@@ -1,5 +1,6 @@
 //! The test suite: one module per theme. Each test states its oracle and its false-alarm rate.
 
+mod accuracy;
 mod agreement;
 mod aov;
 mod bench;

@@ -62,7 +62,7 @@ fn examples_are_read_from_sh_blocks() {
 #[test]
 fn every_subcommand_has_an_example() {
     let list = examples(README);
-    for command in ["render", "info", "compare", "verify", "bench", "doctor"] {
+    for command in ["render", "info", "compare", "accuracy", "verify", "bench", "doctor"] {
         assert!(list.iter().any(|e| e.arguments[0] == command), "README.md has no example of {command}");
     }
 }

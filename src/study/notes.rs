@@ -1,8 +1,8 @@
 //! What a reader must know to read a report: the rules it keeps, and where its numbers end.
 
+use super::measure::Study;
 use super::report::Report;
 use super::settings::Role;
-use super::study::Study;
 
 /// Fewest rounds at which an interval over rounds is worth its name.
 const FEW_ROUNDS: usize = 3;

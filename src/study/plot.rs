@@ -60,7 +60,10 @@ impl Axis {
         let inside = |v: &f64| *v >= self.low * (1.0 - 1e-9) && *v <= self.high * (1.0 + 1e-9);
         if self.log {
             let decades = (self.high / self.low).log10();
-            let steps: &[f64] = if decades > 3.5 {
+            let fine = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0];
+            let steps: &[f64] = if decades < 0.8 {
+                &fine
+            } else if decades > 3.5 {
                 &[1.0]
             } else if decades > 1.6 {
                 &[1.0, 3.0]
@@ -212,7 +215,8 @@ pub fn error_against_time(report: &Report) -> String {
     let mut plot = Plot::new(x, y);
     // Guides through the middle of the default's line.
     if let Some(&(t, e)) = rows.first().map(|row| points(row)).as_ref().and_then(|p| p.get(p.len() / 2)) {
-        for (power, name) in [(-0.5, "slope −1/2"), (-0.75, "slope −3/4")] {
+        // The label of the flatter one stands above its line, that of the steeper one below.
+        for (power, name, shift) in [(-0.5, "slope −1/2", -5.0), (-0.75, "slope −3/4", 15.0)] {
             let (a, b) = (plot.x.low, plot.x.high);
             let at = |x: f64| e * (x / t).powf(power);
             let ends: Vec<(f64, f64)> = (0..=60)
@@ -223,7 +227,7 @@ pub fn error_against_time(report: &Report) -> String {
             plot.line(&ends, "stroke:var(--faint);stroke-width:1;stroke-dasharray:2 4");
             if let Some(&(x, y)) = ends.last() {
                 let (x, y) = plot.place(x, y);
-                plot.text((x.min(WIDTH - MARGIN[1] - 4.0), y - 5.0), "end", name);
+                plot.text((x.min(WIDTH - MARGIN[1] - 4.0), y + shift), "end", name);
             }
         }
     }
@@ -318,7 +322,7 @@ pub fn bias_against_time(report: &Report) -> String {
         plot.dot((x, y), colour, !seen, &title);
         // Numbers step aside from those already there.
         let (px, py) = plot.place(x, y);
-        let mut at = (px + 8.0, py - 6.0);
+        let mut at = (px + 8.0, (py - 6.0).max(MARGIN[2] + 14.0));
         while labels.iter().any(|l| (l.0 - at.0).abs() < 16.0 && (l.1 - at.1).abs() < 12.0) {
             at.0 += 16.0;
         }
@@ -362,7 +366,8 @@ pub fn path_lengths(report: &Report) -> String {
             short(100.0 * share.value)
         );
     }
-    let line: Vec<(f64, f64)> = left_out.iter().enumerate().map(|(i, v)| ((i + 1) as f64, *v)).collect();
+    let edge = |(i, v): (usize, &f64)| ((i + 1) as f64, *v);
+    let line: Vec<(f64, f64)> = left_out.iter().enumerate().map(edge).take_while(|(_, v)| *v > plot.y.low).collect();
     plot.line(&line, "stroke:var(--c1);stroke-width:2");
     for (edge, v) in line {
         plot.dot((edge, v), 1, false, &format!("--max-depth {edge}: leaves out {} %", short(v)));

@@ -6,12 +6,13 @@ use std::fmt::Write;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
+use super::measure::Study;
 use super::plot::{self, escaped};
 use super::reference::values;
 use super::report::{Report, Row};
+use super::runs::Interval;
 use super::settings::Role;
-use super::study::Study;
-use super::table::{bias_percent, efficiency, error_of, saved, short, signed, with_interval};
+use super::table::{bias_percent, error_of, saved, short, with_interval};
 use crate::film::png;
 
 const STYLE: &str = include_str!("report.css");
@@ -84,6 +85,22 @@ fn mark(colour: usize, text: &str) -> String {
     format!("<span class=\"mark\"><i style=\"background:var(--c{colour})\"></i>{}</span> ", escaped(text))
 }
 
+/// A value, and its interval in small print below.
+fn cell(i: &Interval, scale: f64, signs: bool) -> String {
+    let i = i.map(|v| v * scale);
+    let number = |v: f64| format!("{}{}", if signs && v > 0.0 { "+" } else { "" }, short(v));
+    if i.low.is_finite() && i.high.is_finite() {
+        format!("{}<small>{} to {}</small>", number(i.value), number(i.low), number(i.high))
+    } else {
+        number(i.value)
+    }
+}
+
+/// [`cell`], or a dash.
+fn cell_or_dash(i: Option<Interval>, scale: f64, signs: bool) -> String {
+    i.map_or("–".into(), |i| cell(&i, scale, signs))
+}
+
 fn prices(report: &Report, body: &mut String) {
     if report.prices.is_empty() {
         return;
@@ -93,17 +110,14 @@ fn prices(report: &Report, body: &mut String) {
         .prices
         .iter()
         .map(|p| {
-            let mut row = vec![
-                format!("{} %", short(100.0 * p.error)),
-                with_interval(&p.spp, 1.0),
-                with_interval(&p.seconds, 1.0),
-            ];
+            let mut row =
+                vec![format!("{} %", 100.0 * p.error), cell(&p.spp, 1.0, false), cell(&p.seconds, 1.0, false)];
             row.extend(match p.measured {
                 Some(m) => [
                     m.spp.to_string(),
                     short(m.seconds),
                     m.error.map_or("–".into(), |e| format!("{:.2} %", 100.0 * e)),
-                    m.estimated.map_or("–".into(), |e| format!("{} %", with_interval(&e, 100.0))),
+                    cell_or_dash(m.estimated, 100.0, false),
                 ],
                 None => ["beyond the budget".into(), "–".into(), "–".into(), "–".into()],
             });
@@ -127,6 +141,17 @@ fn prices(report: &Report, body: &mut String) {
     figure(&plot::price_list(report), &legend, body);
 }
 
+/// The ratio; a rule of honesty puts words in its place when it may be 1.
+fn efficiency_cell(row: &Row) -> String {
+    match row.efficiency {
+        Some(e) if row.no_measurable_difference && e.high.is_finite() => {
+            format!("no measurable difference<small>{} to {}</small>", short(e.low), short(e.high))
+        }
+        None if row.role == Role::Default => "1".into(),
+        e => cell_or_dash(e, 1.0, false),
+    }
+}
+
 fn techniques(report: &Report, body: &mut String) {
     let rows: Vec<&Row> = report.settings.iter().filter(|row| row.role != Role::Knob).collect();
     let Some(first) = rows.first() else { return };
@@ -147,13 +172,13 @@ fn techniques(report: &Report, body: &mut String) {
         let dash = || "–".to_string();
         vec![
             format!("<code>{}</code>", escaped(&row.name)),
-            row.relmse.map_or(dash(), |r| with_interval(&r.map(error_of), 100.0)),
-            row.slope.map_or(dash(), |[s, e]| format!("{s:.3} ± {e:.3}")),
+            cell_or_dash(row.relmse.map(|r| r.map(error_of)), 100.0, false),
+            row.slope.map_or(dash(), |[s, e]| format!("{s:.3}<small>± {e:.3}</small>")),
             row.cpu_s_per_spp.map_or(dash(), |c| short(1e3 * c.value)),
             row.wall_s_per_spp.map_or(dash(), |c| short(1e3 * c.value)),
-            efficiency(row),
-            row.seconds_to_1_percent.map_or(dash(), |s| with_interval(&s, 1.0)),
-            row.mean_error.map_or(dash(), |m| signed(&m, 100.0)),
+            efficiency_cell(row),
+            cell_or_dash(row.seconds_to_1_percent, 1.0, false),
+            cell_or_dash(row.mean_error, 100.0, true),
             row.percentiles.map(|p| short(100.0 * p)).join(" / "),
             row.flip.map_or(dash(), |f| short(f.value)),
         ]
@@ -188,10 +213,10 @@ fn knobs(report: &Report, body: &mut String) {
         let dash = || "–".to_string();
         vec![
             format!("<code>{}</code>", escaped(&row.name)),
-            row.mean_error.map_or(dash(), |m| signed(&m, 100.0)),
-            row.bias_squared.map_or(dash(), |b| signed(&b, 1.0)),
+            cell_or_dash(row.mean_error, 100.0, true),
+            cell_or_dash(row.bias_squared, 1.0, true),
             row.bias_squared.map_or(dash(), |b| escaped(&bias_percent(&b))),
-            row.time_ratio.map_or(dash(), |t| signed(&saved(&t), 100.0)),
+            cell_or_dash(row.time_ratio.map(|t| saved(&t)), 100.0, true),
             row.relmse.map_or(dash(), |r| short(100.0 * error_of(r.value))),
         ]
     };
@@ -204,8 +229,8 @@ fn lengths(report: &Report, body: &mut String) {
     let Some(lengths) = &report.lengths else { return };
     body.push_str("<h2>Path lengths</h2>\n");
     let own = format!(
-        "The default's own limit leaves out about {:.1e} % (a geometric tail, estimated).",
-        -100.0 * lengths.default_truncation
+        "The default's own limit leaves out about {} % (a geometric tail, estimated).",
+        short(-100.0 * lengths.default_truncation)
     );
     let legend = mark(0, "share of the mean") + &mark(1, "left out by a depth limit there") + &own;
     figure(&plot::path_lengths(report), &legend, body);

@@ -1,10 +1,11 @@
 //! The measurement behind `pathspace accuracy`: what is rendered, in which order, within a budget of wall time.
 //!
-//! 1. Pilot: one seed, 4, 8, 16, … samples; fits the price list. 2. Warm-up: every setting once; sets the numbers of
-//! samples, and is left out of every result by that rule. 3. Reference: eight long runs with seeds of their own. 4. Rounds:
-//! every setting in order and then in reverse order, so that a drift of the machine that is linear over a round falls on
-//! all settings alike; within a round all settings use the same seeds, so that settings are compared on the same paths. 5.
-//! The price list's targets, cheapest first, while time is left.
+//! * Pilot: one seed, 4, 8, 16, … samples; fits the price list.
+//! * Warm-up: every setting once; sets the numbers of samples, and is left out of every result by that rule.
+//! * Reference: eight long runs with seeds of their own.
+//! * Rounds: every setting in order and then in reverse order, so that a drift of the machine that is linear over a round
+//!   falls on all settings alike. Within a round all settings use the same seeds and are compared on the same paths.
+//! * The price list's targets, cheapest first, while time is left; then more rounds.
 //!
 //! Stopping early, by the budget or by the observer, keeps every finished run. Limit: techniques and knobs need two rounds
 //! for an interval at all; a budget that is too small says so in the intervals.
@@ -13,10 +14,10 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use super::clock::{Cost, Stopwatch};
-use super::flip;
-use super::predict::{self, Point, Predicted, Prediction, SlopePrior};
 use super::reference::{Difference, Reference, values};
 use super::settings::{self, Role, Setting, backend_of};
+use crate::accuracy::flip;
+use crate::accuracy::predict::{self, Point, Predicted, Prediction, SlopePrior};
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::lengths::LENGTHS;
@@ -29,11 +30,13 @@ pub const TARGETS: [f64; 5] = [0.10, 0.05, 0.02, 0.01, 0.005];
 /// Runs that the reference is the mean of.
 const REFERENCE_RUNS: u64 = 8;
 
-/// A run of the reference has at least this many times the samples of the largest runs that are held against it.
+/// A run of the reference has this many times the samples of the largest runs that are held against it, or more; fewer
+/// where the budget is too small for that.
 const REFERENCE_FACTOR: u64 = 4;
 
-/// Rounds that the numbers of samples are chosen for: intervals of a ratio then have 3 degrees of freedom.
-const ROUNDS: f64 = 4.0;
+/// Rounds that the numbers of samples are chosen for. Machines that also do other things manage fewer; time that is left
+/// goes into more.
+const ROUNDS: f64 = 6.0;
 
 /// More rounds than this say little more.
 const MOST_ROUNDS: usize = 12;
@@ -42,6 +45,7 @@ const MOST_ROUNDS: usize = 12;
 const PILOT_UNTIL: f64 = 0.06;
 const ROUNDS_UNTIL: f64 = 0.8;
 const REFERENCE_SHARE: f64 = 0.2;
+const MOST_REFERENCE_SHARE: f64 = 0.35;
 
 /// A render that runs on past this multiple of the budget is broken off.
 const OVERRUN: f64 = 1.12;
@@ -325,10 +329,14 @@ impl Study {
     }
 
     fn render_reference(&mut self, bench: &mut Bench, base: &RenderOptions, per_spp: f64) -> Result<(), Halt> {
-        let share = REFERENCE_SHARE * bench.budget.as_secs_f64();
+        let budget = bench.budget.as_secs_f64();
         let mut spp = REFERENCE_FACTOR * self.top_spp;
-        while 2.0 * (REFERENCE_RUNS * spp) as f64 * per_spp < share {
+        let share = |spp: u64| (REFERENCE_RUNS * spp) as f64 * per_spp / budget;
+        while share(2 * spp) < REFERENCE_SHARE {
             spp *= 2;
+        }
+        while share(spp) > MOST_REFERENCE_SHARE && spp > self.top_spp {
+            spp /= 2;
         }
         let options = RenderOptions { max_depth: deep(base), ..base.clone() };
         let mut pictures = Vec::new();

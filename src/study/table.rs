@@ -54,7 +54,7 @@ fn prices(report: &Report, lines: &mut Vec<String>) {
 
 fn price_line(price: &PriceRecord) -> String {
     let predicted = format!(
-        "{:>6.1} %  {:>26}  {:>26}",
+        "{:>6} %  {:>26}  {:>26}",
         100.0 * price.error,
         with_interval(&price.spp, 1.0),
         with_interval(&price.seconds, 1.0)
@@ -120,7 +120,8 @@ fn lengths(report: &Report, lines: &mut Vec<String>) {
         let truncation = l.truncation.get(i).map_or("-".into(), |t| signed(t, 100.0));
         lines.push(format!("{name:>5}  {:>26}  {truncation:>30}", with_interval(share, 100.0)));
     }
-    lines.push(format!("default's own depth limit: about {:.2e} % (geometric tail)", 100.0 * l.default_truncation));
+    let own = short(100.0 * l.default_truncation);
+    lines.push(format!("default's own depth limit: about {own} % (geometric tail)"));
     lines.push(String::new());
 }
 

@@ -4,16 +4,19 @@
 
 use serde::Serialize;
 
-use super::predict::Predicted;
+use super::measure::{Run, Series, Study};
 use super::reference::Reference;
 use super::runs::{self, Interval, Line};
 use super::settings::Role;
-use super::study::{Run, Series, Study};
+use crate::accuracy::predict::Predicted;
 use crate::film::exr::through_half;
 use crate::film::lengths::LENGTHS;
 
 /// A metric that rests on one pixel for more than this share says little (HARDCASES §6.2).
 const UNRELIABLE_SHARE: f64 = 0.1;
+
+/// A time that is known no better than this, as the ratio of the ends of its interval, is not quoted.
+const VAGUE: f64 = 50.0;
 
 /// Everything, in the order of the page.
 #[derive(Clone, Debug, Serialize)]
@@ -153,7 +156,7 @@ pub struct Row {
     pub capped_paths: f64,
     /// Samples that were not finite, all runs.
     pub nonfinite: u64,
-    /// Points of the plot: samples per pixel, wall seconds of rendering, relMSE.
+    /// Points of the plot: samples per pixel, wall seconds of rendering (median), relMSE.
     pub curve: Vec<CurvePoint>,
 }
 
@@ -211,7 +214,7 @@ fn interval_of(value: f64, [low, high]: [f64; 2]) -> Interval {
 
 fn prices(study: &Study) -> Vec<PriceRecord> {
     let own = study.reference.as_ref().and_then(|r| r.own_relmse);
-    let record = |price: &super::study::Price| {
+    let record = |price: &super::measure::Price| {
         let Predicted { spp, seconds, spp_interval, seconds_interval } = price.predicted;
         let measured = price.measured.map(|m| MeasuredRecord {
             spp: m.spp,
@@ -268,7 +271,8 @@ fn row(study: &Study, reference: &Reference, default: &Series, series: &Series) 
         cpu_s_per_spp: of(&|run| run.cost.cpu_s / spp),
         seconds_to_1_percent: to_target
             .zip(wall_s_per_spp)
-            .map(|(log_spp, wall)| log_spp.map(|x| study.fixed_s + x.exp() * wall.value)),
+            .map(|(log_spp, wall)| log_spp.map(|x| study.fixed_s + x.exp() * wall.value))
+            .filter(|s| s.high < VAGUE * s.low),
         wall_s_per_spp,
         time_ratio: (!is_default).then(|| per_round(&top, &own, false)).flatten(),
         no_measurable_difference: efficiency.is_some_and(|e| e.contains(1.0)),
@@ -312,7 +316,10 @@ fn curve(series: &Series) -> Vec<CurvePoint> {
         let of =
             |f: &dyn Fn(&Run) -> f64| -> Vec<f64> { series.runs.iter().filter(|run| run.spp == spp).map(f).collect() };
         let relmse = runs::mean(&of(&|run| run.difference.relmse))?;
-        Some(CurvePoint { spp, seconds: runs::mean(&of(&|run| run.cost.wall_s))?.value, relmse })
+        // The middle one: other work on the machine stretches single runs.
+        let mut seconds = of(&|run| run.cost.wall_s);
+        seconds.sort_unstable_by(f64::total_cmp);
+        Some(CurvePoint { spp, seconds: seconds[seconds.len() / 2], relmse })
     };
     spps.into_iter().filter_map(point).collect()
 }

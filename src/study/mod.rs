@@ -1,0 +1,13 @@
+//! What accuracy costs in time for one scene: [`measure`] renders within a budget what [`settings`] lists, [`report`] turns
+//! the runs into numbers with intervals ([`runs`]), and [`table`] and [`html`] show them.
+
+pub mod clock;
+pub mod html;
+pub mod measure;
+pub mod notes;
+pub mod plot;
+pub mod reference;
+pub mod report;
+pub mod runs;
+pub mod settings;
+pub mod table;

@@ -1,0 +1,332 @@
+//! What accuracy costs: convergence, the study behind `pathspace accuracy`, FLIP against its published implementation, and
+//! the options that trade accuracy for time or space.
+//!
+//! Oracles: the rate N⁻¹ of independent samples; the closed furnace, whose terms are ρᵏ; numbers printed by the authors'
+//! `flip-evaluator` 1.7. Seeds are fixed. What depends on the clock (how much a budget affords) is asserted only where
+//! the answer does not depend on it.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+use pathspace::accuracy::flip;
+use pathspace::film::Film;
+use pathspace::film::exr::{ExrOptions, read_exr, through_half};
+use pathspace::plan::options::{Crop, RenderOptions, Roulette, SamplerKind, Strategy};
+use pathspace::scene::Scene;
+use pathspace::scene::builder::SceneBuilder;
+use pathspace::study::measure::{self, Request, Study};
+use pathspace::study::report::{Report, Row, Setup};
+use pathspace::study::{html, runs, table};
+
+use crate::common::{options, probe, render, shared};
+
+/// A floor under an unoccluded square light, seen from above: one bounce, a smooth integrand.
+fn lit_floor() -> Scene {
+    let mut b = SceneBuilder::new();
+    let floor = b.lambert(Vec3::new(0.8, 0.5, 0.3));
+    let light = b.emitter(Vec3::ZERO, Vec3::splat(4.0));
+    let square = |y: f32, r: f32| [[-r, -r], [r, -r], [r, r], [-r, r]].map(|[x, z]| Vec3::new(x, y, z));
+    let mut up = square(0.0, 20.0);
+    up.reverse();
+    b.quad(up, floor);
+    b.quad(square(3.0, 1.0), light);
+    b.camera(Vec3::new(0.0, 2.0, 4.0), Vec3::ZERO, Vec3::Y, 0.5);
+    b.build()
+}
+
+/// Slope of ln MSE against ln N over 4 to 128 samples, four runs each, 48×48 pixels, with the largest standard error.
+fn convergence(scene: &Scene, sampler: SamplerKind, reference: &[f64]) -> (f64, f64) {
+    let mut points = Vec::new();
+    for level in 2..8 {
+        for run in 0..4 {
+            let base = RenderOptions { seed: 100 + 16 * run + level, sampler, ..floor_options(1 << level) };
+            let film = render(scene, base).film;
+            let squares = film.pixels.iter().flat_map(|p| p.mean().into_iter().take(3));
+            let mse = squares.zip(reference).map(|(v, r)| (v - r).powi(2)).sum::<f64>() / reference.len() as f64;
+            points.push((((1u64 << level) as f64).ln(), mse.ln()));
+        }
+    }
+    let line = runs::line(&points).expect("24 points");
+    (line.slope, line.slope_error)
+}
+
+fn floor_options(spp: u64) -> RenderOptions {
+    RenderOptions { strategy: Strategy::LightOnly, max_depth: 2, ..options(48, 48, spp) }
+}
+
+/// HARDCASES §6.3. 4·2304·3 values a level scatter ln MSE by 1.6 % or so (channels move together), its slope by 0.005:
+/// ±0.05 is ten of that. The reference has 4096 Sobol' points, whose error is 10⁻² of the smallest that is measured, or less.
+#[test]
+fn independent_samples_converge_with_their_number_and_sobol_points_faster() {
+    let scene = lit_floor();
+    let reference: Vec<Film> =
+        (0..2).map(|run| render(&scene, RenderOptions { seed: 9000 + run, ..floor_options(2048) }).film).collect();
+    let pixels = reference[0].pixels.iter().zip(&reference[1].pixels);
+    let values: Vec<f64> = pixels.flat_map(|(a, b)| (0..3).map(|c| 0.5 * (a.mean()[c] + b.mean()[c]))).collect();
+    assert!(values.iter().all(|v| *v > 1e-3), "the floor is lit everywhere");
+
+    let (independent, error) = convergence(&scene, SamplerKind::Independent, &values);
+    eprintln!("independent: slope {independent:.4} ± {error:.4}");
+    assert!((independent + 1.0).abs() < 0.05, "independent: {independent} ± {error}");
+    assert!(error < 0.01, "too noisy to tell: ± {error}");
+    let (sobol, error) = convergence(&scene, SamplerKind::Sobol, &values);
+    eprintln!("sobol: slope {sobol:.4} ± {error:.4}");
+    // Steeper by far more than the scatter of either.
+    assert!(sobol + 10.0 * error < -1.2, "sobol: {sobol} ± {error}");
+}
+
+/// A closed inward sphere that emits 1 and reflects a half, seen from inside.
+fn furnace() -> Scene {
+    let mut b = SceneBuilder::new();
+    let material = b.emitter(Vec3::splat(0.5), Vec3::ONE);
+    b.sphere(Vec3::ZERO, 1.0, 12, true, false, material);
+    b.camera(Vec3::new(0.1, 0.2, -0.1), Vec3::new(0.3, -0.5, 0.8), Vec3::Y, 1.0);
+    b.build()
+}
+
+fn study_of(scene: &Scene, base: RenderOptions, budget: f64) -> (Study, Report) {
+    let budget = Duration::from_secs_f64(budget);
+    let request = Request { base, budget, full: false, reference: None, load_s: 0.0 };
+    let study = measure::run(scene, &request, Instant::now(), &mut |_| ControlFlow::Continue(()))
+        .unwrap_or_else(|error| panic!("{error}"));
+    let report = Report::new(&study, Setup { resolution: [16, 16], ..Setup::default() }, None);
+    (study, report)
+}
+
+/// P03: by BSDF sampling without roulette every path of the furnace carries ρᵏ exactly, so a depth limit of M leaves out ρᴹ
+/// of the mean and has a bias² of (ρᴹ·L)²/(L² + 0.01·L²), whatever the clock affords. Exact up to f32: 10⁻⁵.
+#[test]
+fn the_study_finds_the_truncation_of_the_furnace() {
+    let base = RenderOptions { strategy: Strategy::BsdfOnly, roulette: Roulette::Off, ..options(16, 16, 1) };
+    // A machine that is busy with other tests gets more time; what is found does not depend on it.
+    let budgets = [3.0, 12.0, 60.0].into_iter();
+    let studies = budgets.map(|budget| study_of(&furnace(), base.clone(), budget));
+    let (study, report) = studies.into_iter().find(|(study, _)| study.rounds >= 2).expect("two rounds within a minute");
+    assert!(!study.interrupted);
+    let rows: BTreeMap<&str, &Row> = report.settings.iter().map(|row| (row.name.as_str(), row)).collect();
+    for depth in [2, 4, 8] {
+        let row = rows[format!("--max-depth {depth}").as_str()];
+        let left_out = 0.5f64.powi(depth);
+        let mean = row.mean_error.expect("measured").value;
+        assert!((mean + left_out).abs() < 1e-5, "depth {depth}: mean error {mean}");
+        let square = row.bias_squared.expect("four runs at least").value;
+        assert!((square - left_out * left_out / 1.01).abs() < 1e-5, "depth {depth}: bias² {square}");
+    }
+    let lengths = report.lengths.as_ref().expect("a round was finished");
+    for (i, (share, left_out)) in lengths.share.iter().zip(&lengths.truncation).enumerate() {
+        let rho = 0.5f64.powi(i as i32);
+        assert!((share.value - 0.5 * rho).abs() < 1e-5, "{} edges: share {share:?}", i + 1);
+        assert!((left_out.value + 0.5 * rho).abs() < 1e-5, "{} edges: left out {left_out:?}", i + 1);
+    }
+    assert!(lengths.default_truncation.abs() < 1e-12, "{}", lengths.default_truncation);
+    // A picture without noise has no error, and nothing divides by it.
+    let default = rows["default"];
+    assert!(default.relmse.expect("measured").value.abs() < 1e-9 && default.efficiency.is_none());
+    assert!(rows["--half"].mean_error.expect("measured").value.abs() < 2f64.powi(-11));
+    for text in [table::text(&report), table::csv(&report), html::page(&report, &study)] {
+        assert!(text.contains("--max-depth 4") && !text.contains("NaN") && !text.contains("inf"), "{text}");
+    }
+}
+
+/// What the observer breaks off keeps what was measured, and a budget that is gone ends the study.
+#[test]
+fn a_study_that_is_broken_off_keeps_its_runs() {
+    let scene = furnace();
+    let request = Request {
+        base: options(16, 16, 1),
+        budget: Duration::from_secs(60),
+        full: false,
+        reference: None,
+        load_s: 0.0,
+    };
+    let study = measure::run(&scene, &request, Instant::now(), &mut |step| {
+        if step.what.starts_with("reference") { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    assert!(study.interrupted && study.reference.is_none() && !study.pilot.is_empty() && !study.prices.is_empty());
+    let report = Report::new(&study, Setup { resolution: [16, 16], ..Setup::default() }, None);
+    assert!(report.settings.is_empty() && report.notes[0].contains("signal"), "{:?}", report.notes);
+    assert!(table::text(&report).contains("Price list") && html::page(&report, &study).contains("Price list"));
+}
+
+fn pathspace(arguments: &[&str], folder: &Path) -> std::process::Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pathspace"));
+    command.args(arguments).current_dir(folder).output().expect("the binary starts")
+}
+
+#[test]
+fn the_command_writes_its_report() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box/scene.gltf");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    // A machine that is busy with other tests gets more time.
+    let mut text = String::new();
+    for budget in [4.0, 15.0, 60.0] {
+        let (started, seconds) = (Instant::now(), format!("{budget}s"));
+        let arguments = ["accuracy", scene, "--budget", &seconds, "--width", "32", "-o", "report", "--quiet"];
+        let output = pathspace(&arguments, folder.path());
+        text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+        // The budget and a fifth, and what building and writing take.
+        let took = started.elapsed().as_secs_f64();
+        assert!(took < 1.2 * budget + 5.0, "{took:.1} s for a budget of {budget} s");
+        if text.contains("Path lengths") {
+            break;
+        }
+    }
+    for part in ["Price list", "Techniques", "Knobs", "Path lengths", "--sampler independent", "--max-depth 2"] {
+        assert!(text.contains(part), "'{part}' is missing in\n{text}");
+    }
+
+    let read = |name: &str| std::fs::read_to_string(folder.path().join("report").join(name)).expect(name);
+    let json: serde_json::Value = serde_json::from_str(&read("report.json")).expect("valid JSON");
+    assert_eq!(json["schema"], 1);
+    assert_eq!(json["setup"]["resolution"], serde_json::json!([32, 32]));
+    assert!(json["prices"].as_array().is_some_and(|prices| prices.len() == 5), "{}", json["prices"]);
+    let settings = json["settings"].as_array().expect("a list");
+    assert!(settings.iter().any(|row| row["name"] == "default" && row["relmse"]["value"].as_f64() > Some(0.0)));
+    let csv = read("report.csv");
+    let columns = csv.lines().next().expect("a header").split(',').count();
+    assert!(csv.lines().count() == settings.len() + 1 && csv.lines().all(|line| line.split(',').count() == columns));
+    let page = read("report.html");
+    assert!(page.contains("<svg") && page.contains("data:image/png;base64,"));
+    for foreign in ["http://", "https://", "<script", "src=\"/", "@import", "NaN"] {
+        assert!(!page.contains(foreign), "the page contains {foreign}");
+    }
+}
+
+#[test]
+fn references_of_another_size_are_refused() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box/scene.gltf");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let film = Film::new((12, 12), Crop { x: 0, y: 0, width: 12, height: 12 });
+    film.write_exr(folder.path().join("black.exr"), &ExrOptions::default()).expect("a writable folder");
+    for (size, filter) in [("5", "box"), ("6", "tent"), ("24", "box")] {
+        let arguments =
+            ["accuracy", scene, "--reference", "black.exr", "--width", size, "--height", size, "--filter", filter];
+        let output = pathspace(&arguments, folder.path());
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && error.contains("--reference"), "{size} {filter}: {error}");
+    }
+}
+
+/// A deterministic number in [0, 1) for a pixel and a channel (SplitMix64's finaliser).
+fn hash(i: usize, c: usize) -> f32 {
+    let z = (3 * i + c) as u64 ^ 0x9e37_79b9_7f4a_7c15;
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// Three pairs made of the shared references: each reference reduced to 128 columns by averaging blocks; against it the same
+/// with noise (±50 %, a value each), with fireflies (every 97th pixel times 50), and moved by one pixel and a fifth darker.
+///
+/// The expected means were printed by the authors' program on the very same files: `pip install flip-evaluator==1.7`,
+/// this test with PATHSPACE_KEEP_PICTURES=1, then `flip -r flip-NAME-reference.exr -t flip-NAME-image.exr` in
+/// target/tmp (it prints six digits; more by its Python function `evaluate`). The limit is that of two summation orders in f32.
+#[test]
+fn flip_agrees_with_the_published_implementation_on_three_scenes() {
+    let Some(shared) = shared("FLIP on three scenes") else { return };
+    let cases = [("cornell-box", FLIP_NOISE), ("veach-mis", FLIP_FIREFLIES), ("env-object", FLIP_MOVED)];
+    for (kind, (name, expected)) in cases.into_iter().enumerate() {
+        let picture = read_exr(&shared.join(format!("reference/{name}.exr"))).expect("a picture");
+        let block = picture.width / 128;
+        let (w, h) = (picture.width / block, picture.height / block);
+        let mut reference = vec![[0.0f32; 3]; w * h];
+        for (y, x) in (0..h * block).flat_map(|y| (0..w * block).map(move |x| (y, x))) {
+            for c in 0..3 {
+                let share = (block * block) as f32;
+                reference[y / block * w + x / block][c] += picture.rgb[y * picture.width + x][c] / share;
+            }
+        }
+        let image: Vec<[f32; 3]> = (0..w * h)
+            .map(|i| match kind {
+                0 => [0, 1, 2].map(|c| reference[i][c] * (0.5 + hash(i, c))),
+                1 => reference[i].map(|v| if i % 97 == 0 { 50.0 * v } else { v }),
+                _ => reference[i - usize::from(i % w > 0)].map(|v| 0.8 * v),
+            })
+            .collect();
+        if std::env::var_os("PATHSPACE_KEEP_PICTURES").is_some() {
+            let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+            for (what, values) in [("reference", &reference), ("image", &image)] {
+                film_of(values, w)
+                    .write_exr(folder.join(format!("flip-{name}-{what}.exr")), &ExrOptions::default())
+                    .expect("ok");
+            }
+        }
+        let found = flip::hdr_flip(&image, &reference, w);
+        eprintln!("{name}: {found:.6}");
+        assert!((found - expected).abs() < 2e-5, "{name}: {found} for {expected}");
+    }
+}
+
+/// Means by flip-evaluator 1.7.
+const FLIP_NOISE: f64 = 0.17733225;
+const FLIP_FIREFLIES: f64 = 0.09997591;
+const FLIP_MOVED: f64 = 0.25078359;
+
+fn film_of(values: &[[f32; 3]], width: usize) -> Film {
+    let (w, h) = (width as u32, (values.len() / width) as u32);
+    let mut film = Film::new((w, h), Crop { x: 0, y: 0, width: w, height: h });
+    film.pixels.iter_mut().zip(values).for_each(|(pixel, rgb)| pixel.add(0, *rgb, 1.0, 1.0));
+    film
+}
+
+/// The soft and hard thresholds of idiff, one pixel of four off by 0.1 and one by 0.3. Exact.
+#[test]
+fn compare_warns_and_fails_as_idiff_does() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let images = [("a.exr", [0.5f32; 4]), ("b.exr", [0.5, 0.6, 0.8, 0.5])];
+    for (name, values) in images {
+        let film = film_of(&values.map(|v| [v; 3]), 2);
+        film.write_exr(folder.path().join(name), &ExrOptions::default()).expect("a writable folder");
+    }
+    let cases: [(&[&str], i32); 8] = [
+        (&[], 2),
+        (&["--fail", "0.2"], 2),
+        (&["--fail", "0.2", "--failpercent", "25"], 1),
+        (&["--fail", "1"], 1),
+        (&["--fail", "1", "--warnpercent", "50"], 0),
+        (&["--fail", "1", "--warnpercent", "50", "--hardwarn", "0.2"], 1),
+        (&["--fail", "1", "--warn", "0.2", "--warnpercent", "24"], 1),
+        (&["--fail", "1", "--hardfail", "0.2"], 2),
+    ];
+    for (flags, expected) in cases {
+        let arguments: Vec<&str> = ["compare", "a.exr", "b.exr"].iter().chain(flags).copied().collect();
+        assert_eq!(pathspace(&arguments, folder.path()).status.code(), Some(expected), "{flags:?}");
+    }
+}
+
+/// P01 with roulette from the first, third and ninth vertex: the mean is 1/(1 − ρ) each time. 4.9 standard errors (10⁻⁶
+/// each).
+#[test]
+fn where_roulette_starts_does_not_move_the_mean() {
+    for start in [1, 3, 9] {
+        let options = RenderOptions { roulette_start: start, seed: 31 + u64::from(start), ..RenderOptions::default() };
+        let estimate = probe(&furnace(), Vec3::new(0.1, 0.2, -0.1), Vec3::new(0.3, -0.5, 0.8), 1 << 15, options);
+        estimate.expect(&format!("roulette from vertex {start}"), 2.0, 2e-5, 1e-2);
+    }
+}
+
+/// A 16-bit file holds every value rounded once: relative 2⁻¹¹ at most, saturated at 65504. Exact.
+#[test]
+fn half_pictures_are_rounded_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("half.exr");
+    let film = film_of(&[[0.1, 1.0, 65000.0], [1e6, -1e6, 1.0 / 3.0]], 2);
+    film.write_exr(&path, &ExrOptions { half: true, ..ExrOptions::default() }).expect("a writable folder");
+    let read = read_exr(&path).expect("just written").rgb;
+    assert_eq!(read[1][..2], [65504.0, -65504.0]);
+    for (read, value) in [(read[0][0], 0.1f32), (read[0][1], 1.0), (read[0][2], 65000.0), (read[1][2], 1.0 / 3.0)] {
+        assert_eq!(f64::from(read), through_half(f64::from(value)));
+        assert!((read / value - 1.0).abs() <= 2f32.powi(-11), "{read} for {value}");
+    }
+    let output = pathspace(&["render", "missing.gltf", "-o", "a.png", "--half"], folder.path());
+    assert_eq!(output.status.code(), Some(2));
+    let output =
+        pathspace(&["render", "missing.gltf", "-o", "a.exr", "--robust", "off", "--backend", "obvhs"], folder.path());
+    assert!(output.status.code() == Some(2) && String::from_utf8_lossy(&output.stderr).contains("--robust"));
+}
