@@ -462,6 +462,8 @@ impl<'a> Renderer<'a> {
             camera: &self.camera,
             filter: &self.filter,
             kinds: &self.kinds,
+            only_kind: queue::only_kind(&self.kinds),
+            only_area: self.lights.only_area(),
             albedo: &self.albedo,
         }
     }

@@ -39,23 +39,24 @@ impl Interaction {
         let triangle = geometry.triangle(hit.geom, hit.prim);
         let (v0, e1, e2) = (Vec3::from(triangle.v0), Vec3::from(triangle.e1), Vec3::from(triangle.e2));
         let mut n_g = Vec3::from(triangle.n_g);
-        let mut n_s = n_g;
-        if smooth && triangle.attributes != NO_ATTRIBUTES {
-            let [a, b, c] = geometry.normals[triangle.attributes as usize];
-            n_s = interpolate(a, b, c, hit.u, hit.v);
-        }
         let mut p = float::hit_point(v0, e1, e2, hit.u, hit.v);
-        let error;
-        if hit.inst == INVALID_ID {
-            error = triangle.error;
-            n_s = unit_or(n_s, n_g);
-        } else {
-            let placement = &geometry.instances[hit.inst as usize];
+        let mut error = triangle.error;
+        let placement = geometry.instances.get(hit.inst as usize);
+        if let Some(placement) = placement {
             error =
                 float::hit_error_instanced((v0, e1, e2), p, &placement.world_from_object, &placement.object_from_world);
             p = placement.world_from_object.transform_point3(p);
             n_g = (placement.world_from_normal * n_g).normalize();
-            n_s = unit_or(placement.world_from_normal * n_s, n_g);
+        }
+        let mut n_s = n_g;
+        if smooth && triangle.attributes != NO_ATTRIBUTES {
+            // A flat triangle with texture coordinates repeats its own normal; rounding it anew would move bits.
+            let corners = geometry.normals[triangle.attributes as usize];
+            if corners != [Vec3::from(triangle.n_g); 3] {
+                let [a, b, c] = corners;
+                let n = interpolate(a, b, c, hit.u, hit.v);
+                n_s = unit_or(placement.map_or(n, |placement| placement.world_from_normal * n), n_g);
+            }
         }
         Interaction {
             p,

@@ -32,7 +32,7 @@ pub fn samples(chunk: &Chunk, wave: &Wave, pixels: &mut [Pixel], counters: &mut 
     for (p, pixel) in pixels.iter_mut().enumerate() {
         for s in 0..chunk.samples {
             let slot = p * chunk.samples + s;
-            let gathered = &wave.gathered[slot];
+            let gathered = &wave.sums.gathered[slot];
             let sample = chunk.first_sample + s as u64;
             let mut rgb = gathered.radiance;
             if !rgb.iter().all(|c| c.is_finite()) {
@@ -54,11 +54,11 @@ pub fn by_length(chunk: &Chunk, wave: &Wave, lengths: &mut LengthSums, place: im
         for s in 0..chunk.samples {
             let slot = p * chunk.samples + s;
             // What the film counts as 0 is 0 in every part of it.
-            if !wave.gathered[slot].radiance.iter().all(|c| c.is_finite()) {
+            if !wave.sums.gathered[slot].radiance.iter().all(|c| c.is_finite()) {
                 continue;
             }
-            let weight = wave.gathered[slot].weight as f64;
-            for (sum, term) in lengths.sums[at].iter_mut().zip(&wave.per_length[slot]) {
+            let weight = wave.sums.gathered[slot].weight as f64;
+            for (sum, term) in lengths.sums[at].iter_mut().zip(&wave.sums.per_length[slot]) {
                 for c in 0..3 {
                     sum[c] += weight * term[c] as f64;
                 }

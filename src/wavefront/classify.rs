@@ -1,46 +1,107 @@
-//! After tracing: rays that left the scene meet the environment; the others are sorted into one queue per kind of kernel.
+//! After tracing: rays that left the scene meet the environment; the others are sorted by kind of kernel. Blocks full of
+//! Lambert surfaces are shaded where they lie; what is sparse goes through a queue.
 
 use super::Context;
 use super::estimator;
+use super::queue::Kind;
 use super::state::Wave;
 use crate::backend::batch::{INVALID_ID, LANES};
 
-/// Adds the environment to the lanes that missed and fills the queues with those that hit. `edge` counts the edges of
-/// the path up to here (1: camera ray).
+/// Lanes of one kind above which a block is shaded where it lies, its other lanes idle: gathering a lane costs about as
+/// much as shading it.
+const DENSE: u32 = LANES as u32 / 2;
+
+/// Adds the environment to the lanes that missed and sorts those that hit into `wave.dense` and `wave.queues`. `edge`
+/// counts the edges of the path up to here (1: camera ray).
 #[inline(always)]
 pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
     for queue in &mut wave.queues {
         queue.clear();
     }
     let environment = context.plan.features.environment;
-    let visible = context.lights.counts().environment > 0;
-    for lane in 0..wave.current.len {
-        let (block, i) = (lane / LANES, lane % LANES);
+    // The stage may be forced where there is none to be seen.
+    let visible = environment && context.lights.counts().environment > 0;
+    for block in 0..wave.current.blocks() {
+        let lanes = (wave.current.len - block * LANES).min(LANES);
         let hits = &wave.current.rays[block].hit;
-        if hits.geom[i] != INVALID_ID {
-            let material = context.geometry.triangle(hits.geom[i], hits.prim[i]).material;
-            wave.queues[context.kinds[material as usize] as usize].push(lane as u32);
-            if edge == 1 {
-                wave.gathered[wave.current.paths[block].slot[i] as usize].coverage = 1.0;
-            }
-        } else if environment {
-            let ray = &wave.current.rays[block].ray;
-            let path = wave.current.paths[block].get(i);
-            let dir = ray.dir(i);
-            let light_pdf = if path.last_pdf_sa < f32::INFINITY && context.plan.samples_lights() {
-                context.lights.pdf_environment(dir, ray.org(i), path.last_n)
-            } else {
-                0.0
-            };
-            let weight = estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf);
-            // Inside an absorbing solid the way to infinity absorbs everything.
-            let absorbed = context.absorbs_fully(path.medium);
-            if weight > 0.0 && !absorbed {
-                wave.add(path.slot, edge, path.beta * context.lights.environment_radiance(dir) * weight);
-            }
-            if edge == 1 && visible {
-                wave.gathered[path.slot as usize].coverage = 1.0;
-            }
+        let mut hit = 0u16;
+        for i in 0..LANES {
+            hit |= u16::from(hits.geom[i] != INVALID_ID) << i;
+        }
+        let used = (0xFFFFu32 >> (LANES - lanes)) as u16;
+        hit &= used;
+        wave.dense[block] = sort(context, wave, block, hit);
+        if edge == 1 {
+            cover(wave, block, if visible { used } else { hit });
+        }
+        if environment {
+            escape(context, wave, block, used & !hit, edge);
         }
     }
+}
+
+/// The lanes of `hit` that are shaded in place; the others enter the queue of their kind.
+#[inline(always)]
+fn sort(context: &Context, wave: &mut Wave, block: usize, hit: u16) -> u16 {
+    let hits = &wave.current.rays[block].hit;
+    let lambert = match context.only_kind {
+        Some(Kind::Lambert) => hit,
+        Some(Kind::General) => 0,
+        None => {
+            let mut lambert = 0u16;
+            for i in lanes_of(hit) {
+                let material = context.geometry.triangle(hits.geom[i], hits.prim[i]).material;
+                lambert |= u16::from(context.kinds[material as usize] == Kind::Lambert) << i;
+            }
+            lambert
+        }
+    };
+    let first = (block * LANES) as u32;
+    wave.queues[Kind::General as usize].extend(lanes_of(hit & !lambert).map(|i| first + i as u32));
+    if lambert.count_ones() > DENSE {
+        lambert
+    } else {
+        wave.queues[Kind::Lambert as usize].extend(lanes_of(lambert).map(|i| first + i as u32));
+        0
+    }
+}
+
+#[inline(always)]
+fn cover(wave: &mut Wave, block: usize, seen: u16) {
+    for i in lanes_of(seen) {
+        wave.sums.gathered[wave.current.paths[block].slot[i] as usize].coverage = 1.0;
+    }
+}
+
+/// Radiance of the environment for the lanes that left the scene.
+#[inline(always)]
+fn escape(context: &Context, wave: &mut Wave, block: usize, missed: u16, edge: u32) {
+    for i in lanes_of(missed) {
+        let ray = &wave.current.rays[block].ray;
+        let path = wave.current.paths[block].get(i);
+        let dir = ray.dir(i);
+        let light_pdf = if path.last_pdf_sa < f32::INFINITY && context.plan.samples_lights() {
+            context.lights.pdf_environment(dir, ray.org(i), path.last_n)
+        } else {
+            0.0
+        };
+        let weight = estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf);
+        // Inside an absorbing solid the way to infinity absorbs everything.
+        let absorbed = context.absorbs_fully(path.medium);
+        if weight > 0.0 && !absorbed {
+            wave.add(path.slot, edge, path.beta * context.lights.environment_radiance(dir) * weight);
+        }
+    }
+}
+
+/// The lanes of a bit mask, ascending.
+#[inline(always)]
+fn lanes_of(mut mask: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        (mask != 0).then(|| {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            lane
+        })
+    })
 }

@@ -49,7 +49,7 @@ fn filtered(context: &Context, wave: &mut Wave, samples: usize, hits: &mut [Firs
         let Some(hit) = rays.hit(i) else { continue };
         let slot = wave.current.paths[block].slot[i] as usize;
         let surface = First::at(context, &hit, rays.ray.dir(i));
-        let share = wave.gathered[slot].weight / samples as f32;
+        let share = wave.sums.gathered[slot].weight / samples as f32;
         let pixel = &mut hits[slot / samples];
         for c in 0..3 {
             pixel.albedo[c] += share * surface.albedo[c];

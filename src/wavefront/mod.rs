@@ -6,11 +6,13 @@
 
 pub mod accumulate;
 pub mod classify;
+pub mod columns;
 pub mod estimator;
 pub mod first_hit;
 #[allow(unsafe_code)] // Fence 2 of 2: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
+pub mod light_sample;
 pub mod queue;
 pub mod raygen;
 pub mod shade;
@@ -28,7 +30,8 @@ use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
-use queue::{KINDS, Kind};
+use crate::shading::light::area::AreaLight;
+use queue::Kind;
 use raygen::Chunk;
 use state::{NO_MEDIUM, Wave};
 
@@ -50,6 +53,10 @@ pub struct Context<'a> {
     pub filter: &'a FilterTable,
     /// Kernel of each material.
     pub kinds: &'a [Kind],
+    /// The kernel of every material, where it is one for all.
+    pub only_kind: Option<Kind>,
+    /// The one light of the scene with its radiance, if it is an untextured area light.
+    pub only_area: Option<(&'a AreaLight, Vec3)>,
     /// Directional albedo of dielectric coats; empty when no material has one.
     pub albedo: &'a SpecularAlbedo,
 }
@@ -149,16 +156,8 @@ fn run_inline<S: Scheme>(
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
-        for kind in 0..KINDS {
-            let queue = std::mem::take(&mut wave.queues[kind]);
-            if !queue.is_empty() {
-                counters.capped_paths += match Kind::ALL[kind] {
-                    Kind::Lambert => lambert::run::<S>(context, wave, &queue, edge),
-                    Kind::General => shade::run::<S>(context, wave, &queue, edge),
-                };
-            }
-            wave.queues[kind] = queue;
-        }
+        counters.capped_paths += lambert::run::<S>(context, wave, edge);
+        counters.capped_paths += shade::run::<S>(context, wave, edge);
 
         if wave.shadows.len > 0 {
             counters.rays_shadow += wave.shadows.len as u64;

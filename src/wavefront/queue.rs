@@ -1,4 +1,4 @@
-//! Which kernel shades a hit: one queue per kind of material, filled by `classify`, drained by `shade`. A kind that the
+//! Which kernel shades a hit: filled by `classify`, drained by `lambert` and `shade`. A kind that the
 //! plan does not list has an empty queue and its kernel is never called.
 
 use crate::scene::Material;
@@ -29,4 +29,10 @@ pub fn kind_of(material: &Material) -> Kind {
         && !material.unlit
         && !material.reads_textures();
     if lambert { Kind::Lambert } else { Kind::General }
+}
+
+/// The kind of every material, if it is one for all.
+pub fn only_kind(kinds: &[Kind]) -> Option<Kind> {
+    let first = *kinds.first()?;
+    kinds.iter().all(|kind| *kind == first).then_some(first)
 }

@@ -46,7 +46,7 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
         } else {
             context.camera.pinhole_ray(film_x, film_y)
         };
-        wave.gathered[slot] = Gathered { radiance: [0.0; 3], coverage: 0.0, weight };
+        wave.sums.gathered[slot] = Gathered { radiance: [0.0; 3], coverage: 0.0, weight };
         let path = PathLane {
             beta: glam::Vec3::ONE,
             eta_scale: 1.0,
@@ -59,5 +59,5 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
         };
         wave.current.push(&path, org, dir);
     }
-    wave.per_length.fill([[0.0; 3]; LENGTHS]);
+    wave.sums.per_length.fill([[0.0; 3]; LENGTHS]);
 }

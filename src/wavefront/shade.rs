@@ -3,6 +3,7 @@
 
 use glam::Vec3;
 
+use super::queue::Kind;
 use super::state::{NO_MEDIUM, PathLane, Wave};
 use super::{Context, estimator};
 use crate::backend::batch::LANES;
@@ -30,11 +31,12 @@ struct Vertex {
     front: bool,
 }
 
-/// Shades every lane of `queue`. Returns how many paths the depth limit ended.
+/// Shades every lane of the general queue. Returns how many paths the depth limit ended.
 #[inline(always)]
-pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u32) -> u64 {
+pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
     let mut capped = 0;
-    for &lane in queue {
+    let queue = std::mem::take(&mut wave.queues[Kind::General as usize]);
+    for &lane in &queue {
         let (block, i) = (lane as usize / LANES, lane as usize % LANES);
         let rays = &wave.current.rays[block];
         let path = wave.current.paths[block].get(i);
@@ -45,6 +47,7 @@ pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, queue: &[u32], edge: u
         let vertex = Vertex { at, wo: -dir, t: hit.t, front };
         capped += shade_lane::<S>(context, wave, path, org, &vertex, edge) as u64;
     }
+    wave.queues[Kind::General as usize] = queue;
     capped
 }
 

@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::columns::{Lane, Lane3, Mask};
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
 use crate::film::lengths::LENGTHS;
 
@@ -129,7 +130,8 @@ pub struct Paths {
 
 impl Paths {
     fn new(capacity: usize) -> Self {
-        let blocks = capacity.div_ceil(LANES);
+        // One lane more: `append` writes before it knows whether the lane stays.
+        let blocks = capacity / LANES + 1;
         Paths { rays: vec![RayHitBlock::EMPTY; blocks], paths: vec![PathBlock::EMPTY; blocks], len: 0 }
     }
 
@@ -142,10 +144,56 @@ impl Paths {
         self.len += 1;
     }
 
+    /// Appends the lanes that `keep` marks. Every lane is written behind the last one, which then moves on or not: no branch
+    /// to guess.
+    #[inline(always)]
+    pub fn append(&mut self, from: &Survivors, old: &PathBlock, keep: &Mask) {
+        for i in 0..LANES {
+            let (block, lane) = (self.len / LANES, self.len % LANES);
+            let ray = &mut self.rays[block].ray;
+            ray.org_x[lane] = from.org[0][i];
+            ray.org_y[lane] = from.org[1][i];
+            ray.org_z[lane] = from.org[2][i];
+            ray.tnear[lane] = 0.0;
+            ray.dir_x[lane] = from.dir[0][i];
+            ray.dir_y[lane] = from.dir[1][i];
+            ray.dir_z[lane] = from.dir[2][i];
+            ray.tfar[lane] = f32::INFINITY;
+            let path = &mut self.paths[block];
+            for c in 0..3 {
+                path.beta[c][lane] = from.beta[c][i];
+                path.last_n[c][lane] = from.last_n[c][i];
+            }
+            path.last_pdf_sa[lane] = from.last_pdf_sa[i];
+            path.eta_scale[lane] = old.eta_scale[i];
+            path.slot[lane] = old.slot[i];
+            path.seed_lo[lane] = old.seed_lo[i];
+            path.seed_hi[lane] = old.seed_hi[i];
+            path.index[lane] = old.index[i];
+            path.medium[lane] = old.medium[i];
+            self.len += keep[i] as usize;
+        }
+    }
+
     /// Blocks in use.
     pub fn blocks(&self) -> usize {
         self.len.div_ceil(LANES)
     }
+}
+
+/// Sixteen scattered paths, what changed of them: columns for [`Paths::append`].
+#[repr(C, align(64))]
+pub struct Survivors {
+    /// Origins of the next rays.
+    pub org: Lane3,
+    /// Their unit directions.
+    pub dir: Lane3,
+    /// See [`PathBlock::beta`].
+    pub beta: Lane3,
+    /// See [`PathBlock::last_pdf_sa`].
+    pub last_pdf_sa: Lane,
+    /// See [`PathBlock::last_n`].
+    pub last_n: Lane3,
 }
 
 /// Shadow rays with what they carry, in lanes `0..len`.
@@ -172,10 +220,46 @@ impl Shadows {
         self.len += 1;
     }
 
+    /// Appends the lanes that `keep` marks, as [`Paths::append`] does.
+    #[inline(always)]
+    pub fn append(&mut self, from: &ShadowLanes, slot: &[u32; LANES], keep: &Mask) {
+        for i in 0..LANES {
+            let (block, lane) = (self.len / LANES, self.len % LANES);
+            let ray = &mut self.rays[block];
+            ray.org_x[lane] = from.org[0][i];
+            ray.org_y[lane] = from.org[1][i];
+            ray.org_z[lane] = from.org[2][i];
+            ray.tnear[lane] = 0.0;
+            ray.dir_x[lane] = from.dir[0][i];
+            ray.dir_y[lane] = from.dir[1][i];
+            ray.dir_z[lane] = from.dir[2][i];
+            ray.tfar[lane] = from.tfar[i];
+            let carried = &mut self.carried[block];
+            for c in 0..3 {
+                carried.radiance[c][lane] = from.radiance[c][i];
+            }
+            carried.slot[lane] = slot[i];
+            self.len += keep[i] as usize;
+        }
+    }
+
     /// Blocks in use.
     pub fn blocks(&self) -> usize {
         self.len.div_ceil(LANES)
     }
+}
+
+/// Sixteen shadow rays and what they carry: columns for [`Shadows::append`].
+#[repr(C, align(64))]
+pub struct ShadowLanes {
+    /// Origins.
+    pub org: Lane3,
+    /// Unit directions.
+    pub dir: Lane3,
+    /// Lengths, metres.
+    pub tfar: Lane,
+    /// What an unblocked ray adds.
+    pub radiance: Lane3,
 }
 
 /// What one camera sample has gathered.
@@ -199,6 +283,14 @@ pub struct Wave {
     pub shadows: Shadows,
     /// Lanes of `current` that hit a surface to be shaded, by kind of material.
     pub queues: [Vec<u32>; super::queue::KINDS],
+    /// Lanes of each block of `current` that the Lambert kernel shades where they lie.
+    pub dense: Vec<u16>,
+    /// What the camera samples have gathered.
+    pub sums: Sums,
+}
+
+/// Where radiance goes.
+pub struct Sums {
     /// One entry a camera sample.
     pub gathered: Vec<Gathered>,
     /// Radiance by camera sample and number of edges; empty unless asked for.
@@ -208,22 +300,33 @@ pub struct Wave {
 impl Wave {
     /// Columns for `capacity` paths; `per_length` adds one accumulator per path length to each sample.
     pub fn new(capacity: usize, per_length: bool) -> Self {
-        let blocks = capacity.div_ceil(LANES);
+        let blocks = capacity / LANES + 1;
         Wave {
             current: Paths::new(capacity),
             next: Paths::new(capacity),
             shadows: Shadows { rays: vec![RayBlock::EMPTY; blocks], carried: vec![ShadowBlock::EMPTY; blocks], len: 0 },
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
-            gathered: vec![Gathered::default(); capacity],
-            per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
+            dense: vec![0; blocks],
+            sums: Sums {
+                gathered: vec![Gathered::default(); capacity],
+                per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
+            },
         }
     }
 
     /// Paths that fit.
     pub fn capacity(&self) -> usize {
-        self.gathered.len()
+        self.sums.gathered.len()
     }
 
+    /// See [`Sums::add`].
+    #[inline(always)]
+    pub fn add(&mut self, slot: u32, edge: u32, radiance: Vec3) {
+        self.sums.add(slot, edge, radiance);
+    }
+}
+
+impl Sums {
     /// Adds radiance to a camera sample, and to the image of paths with `edge` edges if those are kept.
     #[inline(always)]
     pub fn add(&mut self, slot: u32, edge: u32, radiance: Vec3) {

@@ -1,0 +1,117 @@
+//! Sixteen lanes as columns of numbers: the vocabulary of the kernels. A loop `for i in 0..LANES` over columns without
+//! branches or calls becomes vector code: one AVX-512 register a column, or two of AVX2. ARCHITECTURE.md says how to check.
+
+use glam::Vec3;
+
+use crate::backend::batch::{INVALID_ID, LANES, RayHitBlock};
+use crate::scene::geometry::{Geometry, NO_ATTRIBUTES};
+use crate::shading::interaction::Interaction;
+
+/// One number per lane.
+pub type Lane = [f32; LANES];
+
+/// One vector per lane.
+pub type Lane3 = [Lane; 3];
+
+/// A condition per lane, 1 or 0. As wide as the numbers it selects among: loops that mix widths do not vectorise.
+pub type Mask = [u32; LANES];
+
+/// Nothing, sixteen times.
+pub const ZERO: Lane = [0.0; LANES];
+/// See [`ZERO`].
+pub const ZERO3: Lane3 = [ZERO; 3];
+
+/// Vector of one lane.
+#[inline(always)]
+pub fn get(column: &Lane3, i: usize) -> Vec3 {
+    Vec3::new(column[0][i], column[1][i], column[2][i])
+}
+
+/// Writes the vector of one lane.
+#[inline(always)]
+pub fn set(column: &mut Lane3, i: usize, v: Vec3) {
+    column[0][i] = v.x;
+    column[1][i] = v.y;
+    column[2][i] = v.z;
+}
+
+/// The lanes of a bit mask as a column.
+#[inline(always)]
+pub fn spread(bits: u16) -> Mask {
+    let mut mask = [0; LANES];
+    for i in 0..LANES {
+        mask[i] = u32::from(bits >> i) & 1;
+    }
+    mask
+}
+
+/// What [`Interaction`] is, sixteen times.
+#[repr(C, align(64))]
+pub struct Points {
+    /// World position.
+    pub p: Lane3,
+    /// Bound of the distance between `p` and the true hit, metres.
+    pub error: Lane,
+    /// Unit geometric normal of the front side.
+    pub n_g: Lane3,
+    /// Unit interpolated normal of the front side.
+    pub n_s: Lane3,
+    /// Index into `Scene::materials`.
+    pub material: [u32; LANES],
+    /// Light that the triangle is, or `u32::MAX`.
+    pub light: [u32; LANES],
+}
+
+impl Points {
+    /// Looks the hits of the lanes in `lanes` (not empty) up; the other lanes repeat one of them. Flat triangles of the world
+    /// mesh are computed in columns, with the numbers of [`Interaction::at`]; `special` says that others may be among them
+    /// (smooth normals, instances): those lanes are replaced one by one.
+    #[inline(always)]
+    pub fn gather(geometry: &Geometry, rays: &RayHitBlock, lanes: u16, smooth: bool, special: bool) -> Self {
+        let lead = lanes.trailing_zeros() as usize % LANES;
+        let mut records = [ZERO; 12];
+        let (mut error, mut material, mut light) = (ZERO, [0; LANES], [0; LANES]);
+        let mut singular = [false; LANES];
+        for i in 0..LANES {
+            let lane = if lanes >> i & 1 == 1 { i } else { lead };
+            let triangle = geometry.triangle(rays.hit.geom[lane], rays.hit.prim[lane]);
+            for axis in 0..3 {
+                records[axis][i] = triangle.v0[axis];
+                records[3 + axis][i] = triangle.e1[axis];
+                records[6 + axis][i] = triangle.e2[axis];
+                records[9 + axis][i] = triangle.n_g[axis];
+            }
+            error[i] = triangle.error;
+            material[i] = triangle.material;
+            light[i] = triangle.light;
+            singular[i] = special && (triangle.attributes != NO_ATTRIBUTES || rays.hit.inst[lane] != INVALID_ID);
+        }
+        let [x0, y0, z0, x1, y1, z1, x2, y2, z2, nx, ny, nz] = records;
+        let (v0, e1, e2) = ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]);
+        let mut p = ZERO3;
+        for axis in 0..3 {
+            for i in 0..LANES {
+                // `float::hit_point`.
+                p[axis][i] = v0[axis][i] + (e1[axis][i] * rays.hit.u[i] + e2[axis][i] * rays.hit.v[i]);
+            }
+        }
+        let n_g = [nx, ny, nz];
+        let mut points = Points { p, error, n_g, n_s: n_g, material, light };
+        if special {
+            for i in 0..LANES {
+                if singular[i] && lanes >> i & 1 == 1 {
+                    points.replace(i, &Interaction::at(geometry, &rays.hit_unchecked(i), smooth));
+                }
+            }
+        }
+        points
+    }
+
+    #[inline(always)]
+    fn replace(&mut self, i: usize, at: &Interaction) {
+        set(&mut self.p, i, at.p);
+        set(&mut self.n_g, i, at.n_g);
+        set(&mut self.n_s, i, at.n_s);
+        self.error[i] = at.error;
+    }
+}
