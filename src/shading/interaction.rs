@@ -50,9 +50,13 @@ impl Interaction {
         }
         let mut n_s = n_g;
         if smooth && triangle.attributes != NO_ATTRIBUTES {
-            let [a, b, c] = geometry.normals[triangle.attributes as usize];
-            let n = interpolate(a, b, c, hit.u, hit.v);
-            n_s = unit_or(placement.map_or(n, |placement| placement.world_from_normal * n), n_g);
+            // A flat triangle with texture coordinates repeats its own normal; rounding it anew would move bits.
+            let corners = geometry.normals[triangle.attributes as usize];
+            if corners != [Vec3::from(triangle.n_g); 3] {
+                let [a, b, c] = corners;
+                let n = interpolate(a, b, c, hit.u, hit.v);
+                n_s = unit_or(placement.map_or(n, |placement| placement.world_from_normal * n), n_g);
+            }
         }
         Interaction {
             p,
