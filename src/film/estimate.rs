@@ -23,7 +23,7 @@
 //! the pixel. The error of this is of second order in the noise, so that it vanishes with the samples.
 //!
 //! **Intervals.** relMSE: normal in its logarithm, with the spread over pixels, which are independent, and with
-//! [`DENOMINATOR_SHARE`] of the logarithm by which the choice of the denominators matters. Mean: Student's t with
+//! `DENOMINATOR_SHARE` of the logarithm by which the choice of the denominators matters. Mean: Student's t with
 //! the degrees of freedom of the sum of the variances (Satterthwaite), the largest of them counted twice. Both are called unreliable where one pixel has more
 //! than a tenth of the sum, or the kurtosis over pixels exceeds a tenth of their number (HARDCASES §6.2).
 //!
