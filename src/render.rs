@@ -25,9 +25,10 @@ use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
+use crate::shading::light::select::Selection;
 use crate::wavefront::queue::{self, Kind};
 use crate::wavefront::raygen::Chunk;
-use crate::wavefront::state::Wave;
+use crate::wavefront::state::{Carried, Wave};
 use crate::wavefront::{self, Context, Counters};
 
 use self::target::Watch;
@@ -468,6 +469,10 @@ impl<'a> Renderer<'a> {
             filter: &self.filter,
             kinds: &self.kinds,
             only_kind: queue::only_kind(&self.kinds),
+            carried: Carried {
+                normal: self.lights.selection() == Selection::Receiver,
+                medium: self.plan.features.dielectric || self.plan.features.thin || self.plan.features.absorption,
+            },
             only_area: self.lights.only_area(),
             albedo: &self.albedo,
         }

@@ -3,6 +3,7 @@
 
 use glam::Vec3;
 
+use super::isa::Isa;
 use crate::backend::batch::{INVALID_ID, LANES, RayHitBlock};
 use crate::scene::geometry::{Geometry, NO_ATTRIBUTES};
 use crate::shading::interaction::Interaction;
@@ -45,6 +46,16 @@ pub fn spread(bits: u16) -> Mask {
     mask
 }
 
+/// The bit mask of a column.
+#[inline(always)]
+pub fn bits(mask: &Mask) -> u16 {
+    let mut bits = 0;
+    for i in 0..LANES {
+        bits |= ((mask[i] != 0) as u16) << i;
+    }
+    bits
+}
+
 /// What [`Interaction`] is, sixteen times.
 #[repr(C, align(64))]
 pub struct Points {
@@ -67,26 +78,23 @@ impl Points {
     /// mesh are computed in columns, with the numbers of [`Interaction::at`]; `special` says that others may be among them
     /// (smooth normals, instances): those lanes are replaced one by one.
     #[inline(always)]
-    pub fn gather(geometry: &Geometry, rays: &RayHitBlock, lanes: u16, smooth: bool, special: bool) -> Self {
+    pub fn gather<I: Isa>(
+        geometry: &Geometry,
+        rays: &RayHitBlock,
+        lanes: u16,
+        smooth: bool,
+        special: bool,
+    ) -> Self {
         let lead = lanes.trailing_zeros() as usize % LANES;
-        let mut records = [ZERO; 12];
-        let (mut error, mut material, mut light) = (ZERO, [0; LANES], [0; LANES]);
         let mut singular = [false; LANES];
-        for i in 0..LANES {
+        let rows = std::array::from_fn(|i| {
             let lane = if lanes >> i & 1 == 1 { i } else { lead };
             let triangle = geometry.triangle(rays.hit.geom[lane], rays.hit.prim[lane]);
-            for axis in 0..3 {
-                records[axis][i] = triangle.v0[axis];
-                records[3 + axis][i] = triangle.e1[axis];
-                records[6 + axis][i] = triangle.e2[axis];
-                records[9 + axis][i] = triangle.n_g[axis];
-            }
-            error[i] = triangle.error;
-            material[i] = triangle.material;
-            light[i] = triangle.light;
             singular[i] = special && (triangle.attributes != NO_ATTRIBUTES || rays.hit.inst[lane] != INVALID_ID);
-        }
-        let [x0, y0, z0, x1, y1, z1, x2, y2, z2, nx, ny, nz] = records;
+            bytemuck::cast_ref(triangle)
+        });
+        // In the order of the fields of `Triangle`.
+        let [x0, y0, z0, x1, y1, z1, x2, y2, z2, nx, ny, nz, material, _, error, light] = I::transpose(rows);
         let (v0, e1, e2) = ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]);
         let mut p = ZERO3;
         for axis in 0..3 {
@@ -96,6 +104,7 @@ impl Points {
             }
         }
         let n_g = [nx, ny, nz];
+        let (material, light) = (bytemuck::cast(material), bytemuck::cast(light));
         let mut points = Points { p, error, n_g, n_s: n_g, material, light };
         if special {
             for i in 0..LANES {

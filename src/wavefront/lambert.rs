@@ -4,9 +4,10 @@
 //! lights that have to be chosen, and the squeeze go lane by lane. The numbers are those of the general kernel in
 //! `shade`, which a test holds against this one.
 
-use super::columns::{Lane, Lane3, Mask, Points, ZERO, ZERO3, get, set, spread};
+use super::columns::{Lane, Lane3, Mask, Points, ZERO, ZERO3, bits, get, set, spread};
+use super::isa::Isa;
 use super::light_sample::LightLanes;
-use super::state::{NO_MEDIUM, PathBlock, Paths, ShadowLanes, Shadows, Sums, Survivors, Wave};
+use super::state::{Carried, NO_MEDIUM, PathBlock, Paths, ShadowLanes, Shadows, Sums, Survivors, Wave};
 use super::{Context, shade};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::math::float;
@@ -42,7 +43,7 @@ struct Block {
 
 /// Shades the dense blocks where they lie, then the queue. Returns how many paths the depth limit ended.
 #[inline(always)]
-pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
+pub fn run<S: Scheme, I: Isa>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
     let blocks = wave.current.blocks();
     let Wave { current, next, shadows, queues, dense, sums } = wave;
     let mut outputs = Outputs { next, shadows, sums };
@@ -50,13 +51,13 @@ pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
     for block in 0..blocks {
         let lanes = dense[block];
         if lanes != 0 {
-            capped += shade_block::<S>(context, &current.rays[block], &current.paths[block], lanes, &mut outputs, edge);
+            capped += shade_block::<S, I>(context, &current.rays[block], &current.paths[block], lanes, &mut outputs, edge);
         }
     }
     for lanes in queues[super::queue::Kind::Lambert as usize].chunks(LANES) {
         let (rays, paths) = pack(current, lanes);
         let lanes = (0xFFFFu32 >> (LANES - lanes.len())) as u16;
-        capped += shade_block::<S>(context, &rays, &paths, lanes, &mut outputs, edge);
+        capped += shade_block::<S, I>(context, &rays, &paths, lanes, &mut outputs, edge);
     }
     capped
 }
@@ -79,7 +80,7 @@ fn pack(current: &Paths, lanes: &[u32]) -> (RayHitBlock, PathBlock) {
 }
 
 #[inline(always)]
-fn shade_block<S: Scheme>(
+fn shade_block<S: Scheme, I: Isa>(
     context: &Context,
     rays: &RayHitBlock,
     paths: &PathBlock,
@@ -87,21 +88,21 @@ fn shade_block<S: Scheme>(
     outputs: &mut Outputs,
     edge: u32,
 ) -> u64 {
-    let mut block = Block::gather(context, rays, paths, lanes, outputs.sums, edge);
+    let mut block = Block::gather::<I>(context, rays, paths, lanes, outputs.sums, edge);
     if edge >= context.plan.max_depth {
         for i in (0..LANES).filter(|i| lanes >> i & 1 == 1) {
             outputs.sums.capped.add(get(&block.beta, i) * get(&block.albedo, i) * paths.eta_scale[i]);
         }
         return u64::from(lanes.count_ones());
     }
-    block.shade::<S>(context, paths, outputs, edge);
+    block.shade::<S, I>(context, paths, outputs, edge);
     0
 }
 
 impl Block {
     /// Looks the lanes' hits up and adds what emissive surfaces give by themselves.
     #[inline(always)]
-    fn gather(
+    fn gather<I: Isa>(
         context: &Context,
         rays: &RayHitBlock,
         paths: &PathBlock,
@@ -111,7 +112,7 @@ impl Block {
     ) -> Self {
         let features = &context.plan.features;
         let (smooth, special) = (features.smooth_normals, features.smooth_normals || features.instancing);
-        let points = Points::gather(context.geometry, rays, lanes, smooth, special);
+        let points = Points::gather::<I>(context.geometry, rays, lanes, smooth, special);
         let mut beta = paths.beta;
         if features.absorption {
             for i in 0..LANES {
@@ -168,16 +169,16 @@ impl Block {
 
     /// Roulette, light sample, BSDF sample; appends shadow rays and survivors.
     #[inline(always)]
-    fn shade<S: Scheme>(&mut self, context: &Context, paths: &PathBlock, outputs: &mut Outputs, edge: u32) {
+    fn shade<S: Scheme, I: Isa>(&mut self, context: &Context, paths: &PathBlock, outputs: &mut Outputs, edge: u32) {
         let u_light = random::<S>(paths, dims::light(edge));
         let u_bsdf = random::<S>(paths, dims::bsdf(edge));
         self.roulette(context, &paths.eta_scale, &u_light[3], edge);
         if context.plan.samples_lights() {
             let receiver = self.receivers();
             let mut light = LightLanes::sample(context, &self.active, &receiver, &self.n_s, &u_light);
-            self.shadow_rays(context, &mut light, paths, outputs.shadows);
+            self.shadow_rays::<I>(context, &mut light, paths, outputs.shadows);
         }
-        self.scatter(paths, &u_bsdf, outputs.next);
+        self.scatter::<I>(paths, &u_bsdf, context.carried, outputs.next);
     }
 
     /// Ends paths that cannot return their cost and scales up the others. Surfaces without any albedo end all.
@@ -217,7 +218,7 @@ impl Block {
 
     /// Next-event estimation of all lanes; appends the shadow rays that could carry something.
     #[inline(always)]
-    fn shadow_rays(&self, context: &Context, light: &mut LightLanes, paths: &PathBlock, shadows: &mut Shadows) {
+    fn shadow_rays<I: Isa>(&self, context: &Context, light: &mut LightLanes, paths: &PathBlock, shadows: &mut Shadows) {
         // The heuristic is chosen once, outside the loop. A delta light counts as one that the BSDF never finds.
         match context.plan.strategy {
             Strategy::MisPower => self.weigh(light, mis::power_weight),
@@ -241,7 +242,7 @@ impl Block {
             keep[i] = u32::from(end > 0.0) & u32::from(end < f32::INFINITY) & u32::from(carried > 0.0);
             rays.tfar[i] = if finite { end } else { f32::INFINITY };
         }
-        shadows.append(&rays, &paths.slot, &keep);
+        shadows.append::<I>(&rays, &paths.slot, bits(&keep));
     }
 
     /// Turns the radiance of each light sample into what its shadow ray carries; 0 where nothing can arrive.
@@ -265,7 +266,7 @@ impl Block {
 
     /// Cosine-distributed directions; appends the paths that go on.
     #[inline(always)]
-    fn scatter(&mut self, paths: &PathBlock, u: &[Lane; 4], next: &mut Paths) {
+    fn scatter<I: Isa>(&self, paths: &PathBlock, u: &[Lane; 4], carried: Carried, next: &mut Paths) {
         let mut to = Survivors { org: ZERO3, dir: ZERO3, beta: ZERO3, last_pdf_sa: ZERO, last_n: self.n_s };
         let mut keep: Mask = [0; LANES];
         for i in 0..LANES {
@@ -286,7 +287,7 @@ impl Block {
             // A throughput that is NaN goes on, to be counted.
             keep[i] &= u32::from(!(largest <= 0.0));
         }
-        next.append(&to, paths, &keep);
+        next.append::<I>(&to, paths, bits(&keep), carried);
     }
 }
 

@@ -33,9 +33,10 @@ use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
 use capped::Capped;
+use isa::Isa;
 use queue::Kind;
 use raygen::Chunk;
-use state::{NO_MEDIUM, Wave};
+use state::{Carried, NO_MEDIUM, Wave};
 
 /// Everything the stages read; shared by all workers.
 pub struct Context<'a> {
@@ -57,6 +58,8 @@ pub struct Context<'a> {
     pub kinds: &'a [Kind],
     /// The kernel of every material, where it is one for all.
     pub only_kind: Option<Kind>,
+    /// What survivors carry.
+    pub carried: Carried,
     /// The one light of the scene with its radiance, if it is an untextured area light.
     pub only_area: Option<(&'a AreaLight, Vec3)>,
     /// Directional albedo of dielectric coats; empty when no material has one.
@@ -140,7 +143,7 @@ pub fn run<S: Scheme>(
 
 /// The loop over edges; compiled once per instruction set, so everything below is inlined here.
 #[inline(always)]
-fn run_inline<S: Scheme>(
+fn run_inline<S: Scheme, I: Isa>(
     context: &Context,
     chunk: &Chunk,
     wave: &mut Wave,
@@ -161,7 +164,7 @@ fn run_inline<S: Scheme>(
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
-        counters.capped_paths += lambert::run::<S>(context, wave, edge);
+        counters.capped_paths += lambert::run::<S, I>(context, wave, edge);
         counters.capped_paths += shade::run::<S>(context, wave, edge);
 
         if wave.shadows.len > 0 {

@@ -2,7 +2,8 @@
 //! Morton curve, so that packets of camera rays are coherent.
 
 use super::Context;
-use super::state::{Gathered, NO_MEDIUM, PathLane, Wave};
+use super::state::{Gathered, PathBlock, Wave};
+use crate::backend::batch::LANES;
 use crate::film::filter::FilterSample;
 use crate::film::lengths::LENGTHS;
 use crate::sampler::{self, Scheme, dims};
@@ -29,35 +30,78 @@ impl Chunk<'_> {
     }
 }
 
-/// Fills `wave.current` with the camera rays of `chunk` and resets what the samples gather.
+/// Fills `wave.current` with the camera rays of `chunk` and resets what the samples gather. Sixteen slots at a time: slots
+/// are lanes here.
 #[inline(always)]
 pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
-    wave.current.len = 0;
-    for slot in 0..chunk.len() {
-        let ((x, y), sample) = chunk.of_slot(slot);
-        let address = sampler::address(sample);
-        let pixel = x as u64 + y as u64 * context.plan.resolution.0 as u64;
-        let seed = sampler::pixel_seed(context.plan.seed, pixel, address.half, address.high);
-        let u = S::sample_4d(address.index, seed, dims::CAMERA);
-        let FilterSample { dx, dy, weight } = context.filter.sample(u[0], u[1]);
-        let (film_x, film_y) = (x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
-        let (org, dir) = if context.plan.features.lens {
-            context.camera.ray(film_x, film_y, [u[2], u[3]])
+    let (len, columns) = (chunk.len(), u64::from(context.plan.resolution.0));
+    wave.current.len = len;
+    let mut cursor = Cursor { pixel: 0, sample: 0 };
+    for (block, first) in (0..len).step_by(LANES).enumerate() {
+        let rays = &mut wave.current.rays[block].ray;
+        let path = &mut wave.current.paths[block];
+        *path = PathBlock::EMPTY;
+        path.beta = [[1.0; LANES]; 3];
+        path.last_pdf_sa = [f32::INFINITY; LANES];
+
+        // Where the samples lie. Lanes behind the last slot repeat it.
+        let (mut x, mut y, mut pixel, mut sample) = ([0.0; LANES], [0.0; LANES], [0u64; LANES], [0u64; LANES]);
+        for i in 0..LANES {
+            let (px, py) = chunk.pixels[cursor.pixel];
+            (x[i], y[i]) = (px as f32, py as f32);
+            pixel[i] = u64::from(px) + u64::from(py) * columns;
+            sample[i] = chunk.first_sample + cursor.sample as u64;
+            path.slot[i] = (first + i) as u32;
+            if first + i + 1 < len {
+                cursor.advance(chunk.samples);
+            }
+        }
+        let mut u = [[0.0; LANES]; 4];
+        for i in 0..LANES {
+            let address = sampler::address(sample[i]);
+            let seed = sampler::pixel_seed(context.plan.seed, pixel[i], address.half, address.high);
+            path.index[i] = address.index;
+            path.seed_lo[i] = seed[0];
+            path.seed_hi[i] = seed[1];
+        }
+        for i in 0..LANES {
+            let point = S::sample_4d(path.index[i], [path.seed_lo[i], path.seed_hi[i]], dims::CAMERA);
+            for d in 0..4 {
+                u[d][i] = point[d];
+            }
+        }
+        for i in 0..LANES.min(len - first) {
+            let FilterSample { dx, dy, weight } = context.filter.sample(u[0][i], u[1][i]);
+            (x[i], y[i]) = (x[i] + 0.5 + dx, y[i] + 0.5 + dy);
+            wave.sums.gathered[first + i] = Gathered { radiance: [0.0; 3], coverage: 0.0, weight };
+        }
+        if context.plan.features.lens {
+            for i in 0..LANES {
+                let (org, dir) = context.camera.ray(x[i], y[i], [u[2][i], u[3][i]]);
+                rays.set(i, org, dir, f32::INFINITY);
+            }
         } else {
-            context.camera.pinhole_ray(film_x, film_y)
-        };
-        wave.sums.gathered[slot] = Gathered { radiance: [0.0; 3], coverage: 0.0, weight };
-        let path = PathLane {
-            beta: glam::Vec3::ONE,
-            eta_scale: 1.0,
-            last_n: glam::Vec3::ZERO,
-            last_pdf_sa: f32::INFINITY,
-            slot: slot as u32,
-            seed,
-            index: address.index,
-            medium: NO_MEDIUM,
-        };
-        wave.current.push(&path, org, dir);
+            for i in 0..LANES {
+                let (org, dir) = context.camera.pinhole_ray(x[i], y[i]);
+                rays.set(i, org, dir, f32::INFINITY);
+            }
+        }
     }
     wave.sums.per_length.fill([[0.0; 3]; LENGTHS]);
+}
+
+/// A camera sample of a chunk, advanced without divisions.
+struct Cursor {
+    pixel: usize,
+    sample: usize,
+}
+
+impl Cursor {
+    #[inline(always)]
+    fn advance(&mut self, samples: usize) {
+        self.sample += 1;
+        if self.sample == samples {
+            (self.sample, self.pixel) = (0, self.pixel + 1);
+        }
+    }
 }

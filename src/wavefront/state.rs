@@ -3,10 +3,12 @@
 //! Blocks of 16 lanes everywhere, so that the ray columns are Embree's packets as they stand. A path keeps its `slot`
 //! (its camera sample) for life; its position among the lanes changes as ended paths are squeezed out.
 
+use bytemuck::{cast_mut, cast_ref};
 use glam::Vec3;
 
 use super::capped::Capped;
-use super::columns::{Lane, Lane3, Mask};
+use super::columns::{Lane, Lane3};
+use super::isa::Isa;
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
 use crate::film::lengths::LENGTHS;
 
@@ -131,8 +133,8 @@ pub struct Paths {
 
 impl Paths {
     fn new(capacity: usize) -> Self {
-        // One lane more: `append` writes before it knows whether the lane stays.
-        let blocks = capacity / LANES + 1;
+        // `append` writes whole blocks, the one behind the last as well.
+        let blocks = capacity / LANES + 2;
         Paths { rays: vec![RayHitBlock::EMPTY; blocks], paths: vec![PathBlock::EMPTY; blocks], len: 0 }
     }
 
@@ -145,41 +147,65 @@ impl Paths {
         self.len += 1;
     }
 
-    /// Appends the lanes that `keep` marks. Every lane is written behind the last one, which then moves on or not: no branch
-    /// to guess.
+    /// Appends the lanes that `keep` marks. `old` is where they come from; what is the same for all lanes or not called
+    /// for is not moved (`features` of the plan say what is).
     #[inline(always)]
-    pub fn append(&mut self, from: &Survivors, old: &PathBlock, keep: &Mask) {
-        for i in 0..LANES {
-            let (block, lane) = (self.len / LANES, self.len % LANES);
-            let ray = &mut self.rays[block].ray;
-            ray.org_x[lane] = from.org[0][i];
-            ray.org_y[lane] = from.org[1][i];
-            ray.org_z[lane] = from.org[2][i];
-            ray.tnear[lane] = 0.0;
-            ray.dir_x[lane] = from.dir[0][i];
-            ray.dir_y[lane] = from.dir[1][i];
-            ray.dir_z[lane] = from.dir[2][i];
-            ray.tfar[lane] = f32::INFINITY;
-            let path = &mut self.paths[block];
-            for c in 0..3 {
-                path.beta[c][lane] = from.beta[c][i];
-                path.last_n[c][lane] = from.last_n[c][i];
-            }
-            path.last_pdf_sa[lane] = from.last_pdf_sa[i];
-            path.eta_scale[lane] = old.eta_scale[i];
-            path.slot[lane] = old.slot[i];
-            path.seed_lo[lane] = old.seed_lo[i];
-            path.seed_hi[lane] = old.seed_hi[i];
-            path.index[lane] = old.index[i];
-            path.medium[lane] = old.medium[i];
-            self.len += keep[i] as usize;
+    pub fn append<I: Isa>(&mut self, from: &Survivors, old: &PathBlock, keep: u16, carried: Carried) {
+        let (block, at) = (self.len / LANES, self.len % LANES);
+        let ([here, after, ..], [path, path_after, ..]) = (&mut self.rays[block..], &mut self.paths[block..]) else {
+            unreachable!("a wave has a block more than it fills");
+        };
+        let squeeze = |from: &Lane, here: &mut Lane, after: &mut Lane| {
+            I::squeeze(cast_ref(from), keep, at, cast_mut(here), cast_mut(after));
+        };
+        squeeze(&from.org[0], &mut here.ray.org_x, &mut after.ray.org_x);
+        squeeze(&from.org[1], &mut here.ray.org_y, &mut after.ray.org_y);
+        squeeze(&from.org[2], &mut here.ray.org_z, &mut after.ray.org_z);
+        squeeze(&from.dir[0], &mut here.ray.dir_x, &mut after.ray.dir_x);
+        squeeze(&from.dir[1], &mut here.ray.dir_y, &mut after.ray.dir_y);
+        squeeze(&from.dir[2], &mut here.ray.dir_z, &mut after.ray.dir_z);
+        // Lanes that are overwritten later may have any end.
+        here.ray.tfar[at..].fill(f32::INFINITY);
+        after.ray.tfar = [f32::INFINITY; LANES];
+        for c in 0..3 {
+            squeeze(&from.beta[c], &mut path.beta[c], &mut path_after.beta[c]);
         }
+        squeeze(&from.last_pdf_sa, &mut path.last_pdf_sa, &mut path_after.last_pdf_sa);
+        if carried.normal {
+            for c in 0..3 {
+                squeeze(&from.last_n[c], &mut path.last_n[c], &mut path_after.last_n[c]);
+            }
+        }
+        if carried.medium {
+            squeeze(&old.eta_scale, &mut path.eta_scale, &mut path_after.eta_scale);
+        }
+        let squeeze = |from: &[u32; LANES], here: &mut [u32; LANES], after: &mut [u32; LANES]| {
+            I::squeeze(from, keep, at, here, after);
+        };
+        squeeze(&old.slot, &mut path.slot, &mut path_after.slot);
+        squeeze(&old.seed_lo, &mut path.seed_lo, &mut path_after.seed_lo);
+        squeeze(&old.seed_hi, &mut path.seed_hi, &mut path_after.seed_hi);
+        squeeze(&old.index, &mut path.index, &mut path_after.index);
+        if carried.medium {
+            squeeze(&old.medium, &mut path.medium, &mut path_after.medium);
+        }
+        self.len += keep.count_ones() as usize;
     }
 
     /// Blocks in use.
     pub fn blocks(&self) -> usize {
         self.len.div_ceil(LANES)
     }
+}
+
+/// What a path has to carry besides the columns that all need; the plan knows. A column that is not carried keeps the
+/// value of a fresh path in every lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Carried {
+    /// `last_n`: the choice of a light depends on the receiver.
+    pub normal: bool,
+    /// `eta_scale` and `medium`: something transmits.
+    pub medium: bool,
 }
 
 /// Sixteen scattered paths, what changed of them: columns for [`Paths::append`].
@@ -223,25 +249,27 @@ impl Shadows {
 
     /// Appends the lanes that `keep` marks, as [`Paths::append`] does.
     #[inline(always)]
-    pub fn append(&mut self, from: &ShadowLanes, slot: &[u32; LANES], keep: &Mask) {
-        for i in 0..LANES {
-            let (block, lane) = (self.len / LANES, self.len % LANES);
-            let ray = &mut self.rays[block];
-            ray.org_x[lane] = from.org[0][i];
-            ray.org_y[lane] = from.org[1][i];
-            ray.org_z[lane] = from.org[2][i];
-            ray.tnear[lane] = 0.0;
-            ray.dir_x[lane] = from.dir[0][i];
-            ray.dir_y[lane] = from.dir[1][i];
-            ray.dir_z[lane] = from.dir[2][i];
-            ray.tfar[lane] = from.tfar[i];
-            let carried = &mut self.carried[block];
-            for c in 0..3 {
-                carried.radiance[c][lane] = from.radiance[c][i];
-            }
-            carried.slot[lane] = slot[i];
-            self.len += keep[i] as usize;
+    pub fn append<I: Isa>(&mut self, from: &ShadowLanes, slot: &[u32; LANES], keep: u16) {
+        let (block, at) = (self.len / LANES, self.len % LANES);
+        let ([here, after, ..], [carried, carried_after, ..]) = (&mut self.rays[block..], &mut self.carried[block..])
+        else {
+            unreachable!("a wave has a block more than it fills");
+        };
+        let squeeze = |from: &Lane, here: &mut Lane, after: &mut Lane| {
+            I::squeeze(cast_ref(from), keep, at, cast_mut(here), cast_mut(after));
+        };
+        squeeze(&from.org[0], &mut here.org_x, &mut after.org_x);
+        squeeze(&from.org[1], &mut here.org_y, &mut after.org_y);
+        squeeze(&from.org[2], &mut here.org_z, &mut after.org_z);
+        squeeze(&from.dir[0], &mut here.dir_x, &mut after.dir_x);
+        squeeze(&from.dir[1], &mut here.dir_y, &mut after.dir_y);
+        squeeze(&from.dir[2], &mut here.dir_z, &mut after.dir_z);
+        squeeze(&from.tfar, &mut here.tfar, &mut after.tfar);
+        for c in 0..3 {
+            squeeze(&from.radiance[c], &mut carried.radiance[c], &mut carried_after.radiance[c]);
         }
+        I::squeeze(slot, keep, at, &mut carried.slot, &mut carried_after.slot);
+        self.len += keep.count_ones() as usize;
     }
 
     /// Blocks in use.
@@ -303,7 +331,7 @@ pub struct Sums {
 impl Wave {
     /// Columns for `capacity` paths; `per_length` adds one accumulator per path length to each sample.
     pub fn new(capacity: usize, per_length: bool) -> Self {
-        let blocks = capacity / LANES + 1;
+        let blocks = capacity / LANES + 2;
         Wave {
             current: Paths::new(capacity),
             next: Paths::new(capacity),

@@ -37,6 +37,20 @@ fn one_two_and_seven_threads_give_the_same_bits() {
     }
 }
 
+/// Our own code compiled for AVX-512 and for AVX2, over the same hits. (On a processor without AVX-512 they are the same.)
+#[test]
+fn both_instruction_sets_of_the_wavefront_give_the_same_bits() {
+    let scene = scene();
+    for lens in [None, Some(Lens { radius_m: 0.02, focus_m: 1.2 })] {
+        let hash = |isa: Option<&str>| {
+            let isa = isa.map(String::from);
+            let backend = Some(BackendKind::Obvhs);
+            render(&scene, RenderOptions { isa, backend, lens, ..options(67, 41, 9) }).film.hash()
+        };
+        assert_eq!(hash(None), hash(Some("avx2")));
+    }
+}
+
 #[test]
 fn counters_do_not_depend_on_threads() {
     let scene = scene();

@@ -57,7 +57,6 @@ fn attributes_and_channels_are_those_of_the_contract() {
     let sources = Sources { film: &film, lengths: Some(&lengths), first_hits: Some(&hits), max_depth: 64 };
     let options = ExrOptions {
         channels: aov::channels(&Aov::ALL, &sources),
-        half: false,
         render_seconds: Some(1.5),
         view: Some(view),
         seed: Some(u64::MAX),
