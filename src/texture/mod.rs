@@ -45,19 +45,20 @@ fn texel_coordinate(t: f32, size: usize, wrap: Wrap) -> f32 {
     folded * size as f32
 }
 
-/// Column or row of the texel numbered `place`, an integer from −1 to 2·size.
+/// Column or row of the texel numbered `place`, an integer from −1 to the period: one step outside at most, so that no
+/// division is needed.
 #[inline(always)]
 fn wrapped(place: f32, size: usize, wrap: Wrap) -> usize {
     let (place, size) = (place as i64, size as i64);
+    let period = if wrap == Wrap::MirroredRepeat { 2 * size } else { size };
     let folded = match wrap {
-        Wrap::Repeat => place.rem_euclid(size),
-        Wrap::MirroredRepeat => {
-            let place = place.rem_euclid(2 * size);
-            if place < size { place } else { 2 * size - 1 - place }
-        }
         Wrap::ClampToEdge => place.clamp(0, size - 1),
+        _ if place < 0 => place + period,
+        _ if place >= period => place - period,
+        _ => place,
     };
-    folded as usize
+    // The second half of a mirrored period runs backwards.
+    if folded < size { folded as usize } else { (period - 1 - folded) as usize }
 }
 
 #[inline(always)]
