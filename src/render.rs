@@ -151,6 +151,7 @@ pub struct Renderer<'a> {
     camera: CameraRays,
     filter: FilterTable,
     kinds: Vec<Kind>,
+    only_kind: Option<Kind>,
     albedo: SpecularAlbedo,
     pool: rayon::ThreadPool,
     build_time: Duration,
@@ -176,13 +177,15 @@ impl<'a> Renderer<'a> {
         let backend = backend::build(plan.backend, &geometry, &plan.backend_options())?;
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
         let kind = |m| if plan.features.all_general { Kind::General } else { queue::kind_of(m) };
+        let kinds: Vec<Kind> = scene.materials.iter().map(kind).collect();
         Ok(Renderer {
             scene,
             lights,
             backend,
             camera,
             filter: FilterTable::new(plan.filter),
-            kinds: scene.materials.iter().map(kind).collect(),
+            only_kind: queue::only_kind(scene, &kinds),
+            kinds,
             albedo: SpecularAlbedo::for_materials(&scene.materials),
             pool,
             geometry,
@@ -468,7 +471,7 @@ impl<'a> Renderer<'a> {
             camera: &self.camera,
             filter: &self.filter,
             kinds: &self.kinds,
-            only_kind: queue::only_kind(&self.kinds),
+            only_kind: self.only_kind,
             carried: Carried {
                 normal: self.lights.selection() == Selection::Receiver,
                 medium: self.plan.features.dielectric || self.plan.features.thin || self.plan.features.absorption,

@@ -78,13 +78,7 @@ impl Points {
     /// mesh are computed in columns, with the numbers of [`Interaction::at`]; `special` says that others may be among them
     /// (smooth normals, instances): those lanes are replaced one by one.
     #[inline(always)]
-    pub fn gather<I: Isa>(
-        geometry: &Geometry,
-        rays: &RayHitBlock,
-        lanes: u16,
-        smooth: bool,
-        special: bool,
-    ) -> Self {
+    pub fn gather<I: Isa>(geometry: &Geometry, rays: &RayHitBlock, lanes: u16, smooth: bool, special: bool) -> Self {
         let lead = lanes.trailing_zeros() as usize % LANES;
         let mut singular = [false; LANES];
         let rows = std::array::from_fn(|i| {

@@ -51,7 +51,8 @@ pub fn run<S: Scheme, I: Isa>(context: &Context, wave: &mut Wave, edge: u32) -> 
     for block in 0..blocks {
         let lanes = dense[block];
         if lanes != 0 {
-            capped += shade_block::<S, I>(context, &current.rays[block], &current.paths[block], lanes, &mut outputs, edge);
+            capped +=
+                shade_block::<S, I>(context, &current.rays[block], &current.paths[block], lanes, &mut outputs, edge);
         }
     }
     for lanes in queues[super::queue::Kind::Lambert as usize].chunks(LANES) {

@@ -1,7 +1,7 @@
 //! Which kernel shades a hit: filled by `classify`, drained by `lambert` and `shade`. A kind that the
 //! plan does not list has an empty queue and its kernel is never called.
 
-use crate::scene::Material;
+use crate::scene::{Material, Scene};
 
 /// Number of kinds.
 pub const KINDS: usize = 2;
@@ -31,8 +31,9 @@ pub fn kind_of(material: &Material) -> Kind {
     if lambert { Kind::Lambert } else { Kind::General }
 }
 
-/// The kind of every material, if it is one for all.
-pub fn only_kind(kinds: &[Kind]) -> Option<Kind> {
-    let first = *kinds.first()?;
-    kinds.iter().all(|kind| *kind == first).then_some(first)
+/// The kind of every material that is placed, if it is one for all.
+pub fn only_kind(scene: &Scene, kinds: &[Kind]) -> Option<Kind> {
+    let mut placed = scene.instances.iter().map(|instance| kinds[scene.meshes[instance.mesh.index()].material.index()]);
+    let first = placed.next()?;
+    placed.all(|kind| kind == first).then_some(first)
 }
