@@ -2,7 +2,7 @@
 //!
 //! Data flows one way; each module imports only from those above it:
 //! [`error`], [`math`], [`machine`] ← [`scene`] ← [`backend`] ← [`plan`] ← [`camera`], [`sampler`], [`texture`], [`shading`],
-//! [`film`] ← [`wavefront`], [`accuracy`] ← [`render`] ← [`stats`], [`bench`], [`study`], [`verify`] ← `cli`, `main`.
+//! [`film`] ← [`wavefront`], [`accuracy`] ← [`render`] ← [`stats`], [`mod@bench`], [`study`], [`verify`] ← `cli`, `main`.
 //!
 //! Conventions everywhere: right-handed, +Y up, metres, radiance in W·sr⁻¹·m⁻² of linear Rec.709, pdfs in sr⁻¹ unless
 //! the name says `area`. Storage and transport in `f32`, sums over samples in `f64`.
