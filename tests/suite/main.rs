@@ -14,6 +14,7 @@ mod determinism;
 mod environments;
 mod estimate;
 mod film;
+mod hard;
 mod layers;
 mod ledger;
 mod lights;
