@@ -86,13 +86,8 @@ impl<'t> Surface<'t> {
         if metallic == 0.0 && material.specular == 0.0 {
             return if base_color == Vec3::ZERO { Surface::Black } else { Surface::Lambert { albedo: base_color } };
         }
-        let params = GlossyParams {
-            base_color,
-            metallic,
-            alpha,
-            f0: reflectance_at_normal(material),
-            f90: material.specular,
-        };
+        let params =
+            GlossyParams { base_color, metallic, alpha, f0: reflectance_at_normal(material), f90: material.specular };
         Surface::Glossy(Glossy::new(&params, tables))
     }
 

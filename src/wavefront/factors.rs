@@ -90,7 +90,8 @@ impl Factors {
                 let (n_s, side) = (get(&vertices.n_s, i) * vertices.side[i], vertices.side[i]);
                 let hit = rays.hit_unchecked(i);
                 if let Some(tangent) = interaction::tangent(context.geometry, &hit, n_s) {
-                    let map = Vec3::new((texel.x * 2.0 - 1.0) * scale, (texel.y * 2.0 - 1.0) * scale, texel.z * 2.0 - 1.0);
+                    let map =
+                        Vec3::new((texel.x * 2.0 - 1.0) * scale, (texel.y * 2.0 - 1.0) * scale, texel.z * 2.0 - 1.0);
                     set(&mut vertices.n_s, i, interaction::tilt(n_s, tangent, map) * side);
                     self.mapped[i] = 1;
                 }

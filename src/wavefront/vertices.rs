@@ -3,11 +3,12 @@
 
 use glam::Vec3;
 
-use super::columns::{Lane, Lane3, Mask, Points, ZERO, get, set, spread};
+use super::columns::{Lane, Lane3, Mask, Points, ZERO, ZERO3, get, set, spread};
 use super::isa::Isa;
 use super::state::{PathBlock, Sums};
 use super::{Context, emission};
 use crate::backend::batch::{LANES, RayHitBlock};
+use crate::math::float;
 use crate::plan::options::Roulette;
 use crate::shading::roulette;
 
@@ -44,8 +45,8 @@ impl Vertices {
     pub fn gather<I: Isa>(context: &Context, rays: &RayHitBlock, paths: &PathBlock, lanes: u16) -> Self {
         let features = &context.plan.features;
         let points = Points::gather::<I>(context.geometry, rays, lanes, features.smooth_normals, features.instancing);
-        let Points { p, error, mut n_g, mut n_s, material, light, .. } = points;
-        let (mut wo, mut side, mut cos_g) = (super::columns::ZERO3, ZERO, ZERO);
+        let Points { p, error, mut n_g, mut n_s, material, light } = points;
+        let (mut wo, mut side, mut cos_g) = (ZERO3, ZERO, ZERO);
         for i in 0..LANES {
             wo[0][i] = -rays.ray.dir_x[i];
             wo[1][i] = -rays.ray.dir_y[i];
@@ -94,10 +95,12 @@ impl Vertices {
                 continue;
             }
             let path = paths.get(i);
-            let hit = emission::Emitter { light: self.light[i], distance_m: rays.ray.tfar[i], cos_light: self.cos_g[i] };
+            let hit =
+                emission::Emitter { light: self.light[i], distance_m: rays.ray.tfar[i], cos_light: self.cos_g[i] };
             let weight = emission::weight(context, &path, rays.ray.org(i), &hit);
             if weight > 0.0 {
-                let radiance = emission::textured(context, &rays.hit_unchecked(i), material.emissive, material.emissive_texture);
+                let radiance =
+                    emission::textured(context, &rays.hit_unchecked(i), material.emissive, material.emissive_texture);
                 sums.add(path.slot, edge, get(&self.beta, i) * radiance * weight);
             }
         }
@@ -160,10 +163,10 @@ impl Vertices {
     /// Where rays leave on the viewer's side.
     #[inline(always)]
     pub fn receivers(&self) -> Lane3 {
-        let mut receiver = super::columns::ZERO3;
+        let mut receiver = ZERO3;
         for i in 0..LANES {
             let n_g = get(&self.n_g, i);
-            set(&mut receiver, i, crate::math::float::spawn_origin(get(&self.p, i), n_g, self.error[i], n_g));
+            set(&mut receiver, i, float::spawn_origin(get(&self.p, i), n_g, self.error[i], n_g));
         }
         receiver
     }
