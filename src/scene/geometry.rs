@@ -23,6 +23,10 @@ pub const BAKE_TRIANGLE_BUDGET: u64 = 1 << 20;
 /// its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the edge's length.
 const LINE_HEIGHT: f64 = 1.0 / (1u64 << 40) as f64;
 
+/// Largest coordinate, metres: beyond it the squares in ray–triangle tests overflow f32 (√f32::MAX ≈ 1.8e19; Embree itself
+/// drops vertices beyond 1.8e18).
+pub(crate) const LARGEST_COORDINATE_M: f32 = 1e18;
+
 /// "No vertex attributes" in [`Triangle::attributes`].
 pub const NO_ATTRIBUTES: u32 = u32::MAX;
 
@@ -59,9 +63,10 @@ impl Triangle {
     }
 }
 
-/// True for a triangle that is a point, a line (see [`LINE_HEIGHT`]) or not finite. No such triangle is traced.
+/// True for a triangle that is a point, a line (see [`LINE_HEIGHT`]), not finite or out of range. No such triangle is traced.
 pub(crate) fn is_degenerate(triangle: &[Vec3; 3]) -> bool {
-    if !triangle.iter().all(|v| v.is_finite()) {
+    // Also true of NaN.
+    if !triangle.iter().all(|v| v.abs().cmple(Vec3::splat(LARGEST_COORDINATE_M)).all()) {
         return true;
     }
     let [a, b, c] = triangle.map(|v| v.as_dvec3());

@@ -6,9 +6,11 @@
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
 mod degenerate;
+mod input;
 mod invariance;
 mod spawn;
 mod table;
+mod transforms;
 mod watertight;
 
 use std::fmt::Display;
