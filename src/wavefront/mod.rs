@@ -168,6 +168,9 @@ fn run_inline<S: Scheme, I: Isa>(
         let blocks = wave.current.blocks();
         let current = &mut wave.current;
         counters.invalid_rays += context.backend.closest_hit(&mut current.rays[..blocks], current.len, coherence);
+        if edge == 1 {
+            raygen::start_at_origin(&mut wave.current.rays[..blocks]);
+        }
 
         classify::run(context, wave, edge);
         wave.next.len = 0;

@@ -5,7 +5,13 @@
 //! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
+mod degenerate;
+mod input;
+mod invariance;
+mod spawn;
 mod table;
+mod transforms;
+mod watertight;
 
 use std::fmt::Display;
 use std::path::PathBuf;
