@@ -20,15 +20,15 @@ use crate::shading::surface::{Surface, Textured};
 use crate::texture;
 
 /// What a lane met, as numbers.
-struct Vertex {
+pub(super) struct Vertex {
     /// Where.
-    at: Interaction,
+    pub(super) at: Interaction,
     /// Unit direction to where the path came from.
-    wo: Vec3,
+    pub(super) wo: Vec3,
     /// Length of the last edge, metres.
-    t: f32,
+    pub(super) t: f32,
     /// Whether `wo` lies on the authored front side.
-    front: bool,
+    pub(super) front: bool,
 }
 
 /// Shades every lane of the general queue. Returns how many paths the depth limit ended.
@@ -151,7 +151,7 @@ pub(super) fn emission_weight(
 /// The resolved BSDF and its frame. For opaque surfaces the frame's normal faces the viewer; for transmissive ones it
 /// faces the authored outside. `None` where a normal map turns the surface away from the viewer.
 #[inline(always)]
-fn resolve<'c>(
+pub(super) fn resolve<'c>(
     context: &Context<'c>,
     material: &Material,
     vertex: &Vertex,
@@ -201,7 +201,13 @@ fn resolve<'c>(
 /// Draws a direction; refuses one that lies on the wrong geometric side. A delta lobe whose interpolated normal sends
 /// it there is drawn again about the geometric normal, so that smooth glass loses nothing at its silhouette.
 #[inline(always)]
-fn sample_bsdf(surface: &Surface, frame: Frame, wo: Vec3, vertex: &Vertex, u: [f32; 3]) -> Option<(BsdfSample, Frame)> {
+pub(super) fn sample_bsdf(
+    surface: &Surface,
+    frame: Frame,
+    wo: Vec3,
+    vertex: &Vertex,
+    u: [f32; 3],
+) -> Option<(BsdfSample, Frame)> {
     let sample = surface.sample(wo, u)?;
     if consistent(&frame, wo, sample.wi, vertex) {
         return Some((sample, frame));
@@ -218,7 +224,7 @@ fn sample_bsdf(surface: &Surface, frame: Frame, wo: Vec3, vertex: &Vertex, u: [f
 
 /// Whether `wi` lies on the same side (reflection) or the other side (transmission) of both normals.
 #[inline(always)]
-fn consistent(frame: &Frame, wo: Vec3, wi: Vec3, vertex: &Vertex) -> bool {
+pub(super) fn consistent(frame: &Frame, wo: Vec3, wi: Vec3, vertex: &Vertex) -> bool {
     let reflected = (wo.z > 0.0) == (wi.z > 0.0);
     let same_side = (vertex.at.n_g.dot(frame.to_world(wi)) > 0.0) == vertex.front;
     reflected == same_side
@@ -283,7 +289,7 @@ pub(super) fn emission_texel(context: &Context, point: &TexturePoint) -> Vec3 {
 
 /// A factor times its texture, where there is one.
 #[inline(always)]
-fn textured(context: &Context, at: &Interaction, factor: Vec3, slot: Option<TextureSlot>) -> Vec3 {
+pub(super) fn textured(context: &Context, at: &Interaction, factor: Vec3, slot: Option<TextureSlot>) -> Vec3 {
     match (slot, at.uv(context.geometry)) {
         (Some(slot), Some(uv)) => {
             factor * texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
@@ -295,7 +301,7 @@ fn textured(context: &Context, at: &Interaction, factor: Vec3, slot: Option<Text
 /// Beer–Lambert over the last edge: through the medium the path carries, or, when the camera started inside a solid,
 /// through the solid whose inside was hit.
 #[inline(always)]
-fn absorption(context: &Context, material: &Material, path: &PathLane, vertex: &Vertex) -> Vec3 {
+pub(super) fn absorption(context: &Context, material: &Material, path: &PathLane, vertex: &Vertex) -> Vec3 {
     let inside = if path.medium != NO_MEDIUM {
         &context.scene.materials[path.medium as usize]
     } else if !vertex.front && material.transmission > 0.0 && material.thickness > 0.0 {

@@ -24,6 +24,7 @@ mod operator;
 mod plan;
 mod readme;
 mod reference;
+mod replay;
 mod sampling;
 mod selection;
 mod spawn;

@@ -78,6 +78,16 @@ impl<'t> Glossy<'t> {
         if total > 0.0 { specular / total } else { 1.0 }
     }
 
+    /// Whether `sample` takes the specular lobe for this viewer and this first number; for reports.
+    pub fn takes_specular(&self, wo: Vec3, u: f32) -> bool {
+        u < self.p_specular(wo.z, self.below.at(wo.z))
+    }
+
+    /// Whether the specular lobe is a mirror.
+    pub fn is_mirror(&self) -> bool {
+        self.mirror
+    }
+
     /// Value and density for a pair of directions; the mirror is not part of it.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
