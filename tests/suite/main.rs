@@ -15,6 +15,7 @@ mod environments;
 mod estimate;
 mod film;
 mod hard;
+mod invariance;
 mod layers;
 mod ledger;
 mod lights;
