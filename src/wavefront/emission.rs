@@ -24,13 +24,22 @@ pub struct Emitter {
 /// Weight of the emission of an emissive triangle met by the path's last BSDF sample from `org`.
 #[inline(always)]
 pub fn weight(context: &Context, path: &PathLane, org: Vec3, hit: &Emitter) -> f32 {
-    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() || hit.light == u32::MAX {
+    if path.last_pdf_sa == f32::INFINITY {
         return 1.0;
+    }
+    let light_pdf = light_pdf_sa(context, path, org, hit);
+    estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
+}
+
+/// Density with which light sampling at `org` would have found the emissive triangle, sr⁻¹; 0 where it does not take part.
+#[inline(always)]
+pub fn light_pdf_sa(context: &Context, path: &PathLane, org: Vec3, hit: &Emitter) -> f32 {
+    if !context.plan.samples_lights() || hit.light == u32::MAX {
+        return 0.0;
     }
     let &Emitter { light, distance_m, cos_light } = hit;
     let hit = EmitterHit { light, distance_m, cos_light, area_m2: context.lights.area_m2(light) };
-    let light_pdf = context.lights.pdf_triangle(org, path.last_n, &hit);
-    estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
+    context.lights.pdf_triangle(org, path.last_n, &hit)
 }
 
 /// Value of the emission texture at a sampled light point.

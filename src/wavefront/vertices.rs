@@ -171,6 +171,12 @@ impl Vertices {
         receiver
     }
 
+    /// One lane as the emissive triangle that it met after `distance_m`.
+    #[inline(always)]
+    pub fn emitter(&self, i: usize, distance_m: f32) -> emission::Emitter {
+        emission::Emitter { light: self.light[i], distance_m, cos_light: self.cos_g[i] }
+    }
+
     /// The geometric normal of the authored front side of one lane.
     #[inline(always)]
     pub fn front_n_g(&self, i: usize) -> Vec3 {

@@ -235,8 +235,9 @@ fn nodes_are_flattened_in_double_precision() {
     let placement = scene.instances[0].world_from_object;
     assert!(placement.matrix3.determinant() < 0.0);
     assert_eq!(Vec3::from(placement.translation), (root - scene.origin).as_vec3());
-    // The bounds' centre is (−1, 1.5, 0) beside the root; what is left of it is f32's rounding at 2·10⁶ m.
-    assert!((placement.transform_point3(Vec3::new(0.5, 0.5, 0.0))).abs().max_element() <= 0.125);
+    // The bounds' diagonal is √13 m, so the origin has multiples of 4 m, and their centre is within half of that.
+    assert_eq!(scene.origin % 4.0, glam::DVec3::ZERO);
+    assert!((placement.transform_point3(Vec3::new(0.5, 0.5, 0.0))).abs().max_element() <= 2.0);
 
     let camera = &scene.cameras[0];
     assert!((camera.world_from_camera.matrix3.determinant() - 1.0).abs() < 1e-6);
