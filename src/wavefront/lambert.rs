@@ -45,7 +45,7 @@ struct Block {
 #[inline(always)]
 pub fn run<S: Scheme, I: Isa>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
     let blocks = wave.current.blocks();
-    let Wave { current, next, shadows, queues, dense, sums } = wave;
+    let Wave { current, next, shadows, queues, dense, sums, .. } = wave;
     let mut outputs = Outputs { next, shadows, sums };
     let mut capped = 0;
     for block in 0..blocks {

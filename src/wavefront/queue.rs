@@ -10,7 +10,7 @@ pub const KINDS: usize = 2;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Kind {
-    /// Untextured exact Lambert: the lean kernel.
+    /// Exact Lambert without textures and vertex colours: the lean kernel.
     Lambert = 0,
     /// Everything else.
     General = 1,
@@ -27,7 +27,8 @@ pub fn kind_of(material: &Material) -> Kind {
         && material.specular == 0.0
         && material.transmission == 0.0
         && !material.unlit
-        && !material.reads_textures();
+        && !material.reads_textures()
+        && !material.vertex_colors;
     if lambert { Kind::Lambert } else { Kind::General }
 }
 

@@ -69,7 +69,10 @@ fn shade_lane<S: Scheme>(
 
     // Light that the surface gives by itself ends here or was found by the last BSDF sample.
     if material.unlit {
-        let color = textured(context, &vertex.at, material.base_color, material.base_color_texture);
+        let mut color = textured(context, &vertex.at, material.base_color, material.base_color_texture);
+        if material.vertex_colors {
+            color *= vertex.at.color(context.geometry).truncate();
+        }
         wave.add(path.slot, edge, path.beta * color);
         return false;
     }
@@ -171,7 +174,10 @@ fn resolve<'c>(
         && let Some(uv) = at.uv(context.geometry)
     {
         let fetch = |slot: Option<TextureSlot>| {
-            slot.map(|slot| texture::lookup(&context.scene.textures[slot.texture.index()], uv))
+            slot.map(|slot| {
+                let uv = if slot.uv_set == 0 { uv } else { at.uv_of(context.geometry, slot.uv_set).unwrap_or(uv) };
+                texture::lookup(&context.scene.textures[slot.texture.index()], uv)
+            })
         };
         if let Some(texel) = fetch(material.base_color_texture) {
             base_color *= texel.truncate();
@@ -186,6 +192,9 @@ fn resolve<'c>(
             n_s = interaction::tilt(n_s, tangent, map);
             mapped = true;
         }
+    }
+    if features.vertex_colors && material.vertex_colors {
+        base_color *= at.color(context.geometry).truncate();
     }
     let textured = Textured { base_color, metallic, roughness };
     let surface = Surface::from_material(material, textured, context.albedo, u_material);
@@ -265,26 +274,27 @@ fn sample_light(
     }
 }
 
-/// Value of the emission texture at a sampled light point.
+/// Value of the emission texture at a sampled light point, times the probability that the emitter is there.
 #[inline(always)]
 pub(super) fn emission_texel(context: &Context, point: &TexturePoint) -> Vec3 {
     let triangle = &context.geometry.triangles[point.triangle as usize];
     let slot = context.scene.materials[triangle.material as usize].emissive_texture;
-    let uvs = context.geometry.uvs.get(triangle.attributes as usize);
-    match (slot, uvs) {
-        (Some(slot), Some([a, b, c])) => {
-            let [u, v] = point.barycentric;
-            let uv = *a * (1.0 - u - v) + *b * u + *c * v;
-            texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
-        }
-        _ => Vec3::ONE,
+    let uv = slot.and_then(|slot| context.geometry.uv(triangle.attributes, slot.uv_set, point.barycentric));
+    let there = if context.plan.features.alpha {
+        context.alpha.coverage(context, triangle.material, (triangle.attributes, point.barycentric))
+    } else {
+        1.0
+    };
+    match (slot, uv) {
+        (Some(slot), Some(uv)) => texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate() * there,
+        _ => Vec3::splat(there),
     }
 }
 
 /// A factor times its texture, where there is one.
 #[inline(always)]
 fn textured(context: &Context, at: &Interaction, factor: Vec3, slot: Option<TextureSlot>) -> Vec3 {
-    match (slot, at.uv(context.geometry)) {
+    match (slot, slot.and_then(|slot| at.uv_of(context.geometry, slot.uv_set))) {
         (Some(slot), Some(uv)) => {
             factor * texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
         }
