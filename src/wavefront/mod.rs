@@ -5,6 +5,7 @@
 //! threads nor tiles: a pixel's samples are added in ascending order.
 
 pub mod accumulate;
+pub mod alpha;
 pub mod capped;
 pub mod classify;
 pub mod columns;
@@ -74,6 +75,8 @@ pub struct Context<'a> {
     pub carried: Carried,
     /// The one light of the scene with its radiance, if it is an untextured area light.
     pub only_area: Option<(&'a AreaLight, Vec3)>,
+    /// Where surfaces are there.
+    pub alpha: &'a alpha::AlphaTable,
     /// Directional albedo of dielectric coats; empty when no material has one.
     pub albedo: &'a SpecularAlbedo,
     /// Who looks at the wave between the stages; nobody in a render.
@@ -195,6 +198,10 @@ fn run_inline<S: Scheme, I: Isa>(
             raygen::start_at_origin(&mut wave.current.rays[..blocks]);
         }
 
+        if context.plan.features.alpha {
+            let traced = alpha::closest::<S>(context, wave, edge, counters);
+            *(if edge == 1 { &mut counters.rays_camera } else { &mut counters.rays_bounce }) += traced;
+        }
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
@@ -203,7 +210,10 @@ fn run_inline<S: Scheme, I: Isa>(
         counters.capped_paths += shade::run::<Surfaces, S, I>(context, wave, Kind::General, edge);
         observe::look(context, Stage::Shaded, edge, wave);
 
-        if wave.shadows.len > 0 {
+        if wave.shadows.len > 0 && context.plan.features.alpha {
+            counters.rays_shadow += alpha::shadows(context, wave, counters);
+            accumulate::shadows(wave, edge + 1);
+        } else if wave.shadows.len > 0 {
             counters.rays_shadow += wave.shadows.len as u64;
             let blocks = wave.shadows.blocks();
             let shadows = &mut wave.shadows;

@@ -357,7 +357,7 @@ impl<'c> Witness<'c> {
         let context = self.context;
         let hit = rays.hit_unchecked(0);
         if material.unlit {
-            let color = emission::textured(context, &hit, material.base_color, material.base_color_texture);
+            let color = emission::unlit_color(context, &hit, material);
             return Some(Emission {
                 radiance: triple(color),
                 bsdf_pdf_sa: Number(path.last_pdf_sa),

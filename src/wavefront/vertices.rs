@@ -113,7 +113,7 @@ impl Vertices {
             let material = &context.scene.materials[self.material[i] as usize];
             if self.active[i] != 0 && material.unlit {
                 let hit = rays.hit_unchecked(i);
-                let color = emission::textured(context, &hit, material.base_color, material.base_color_texture);
+                let color = emission::unlit_color(context, &hit, material);
                 sums.add(paths.slot[i], edge, get(&self.beta, i) * color);
                 self.active[i] = 0;
             }

@@ -3,6 +3,7 @@
 mod accuracy;
 mod agreement;
 mod aov;
+mod asset;
 mod bench;
 mod bsdf;
 mod camera;

@@ -302,15 +302,15 @@ fn broken_images_are_refused() {
         ("huge.png", header(2_000_000_000, 2_000_000_000), "expected"),
         ("large.png", header(16_384, 16_384), "bytes of file"),
         ("cut.png", header(8, 8), "PNG"),
-        ("text.png", b"not an image".to_vec(), "PNG or JPEG"),
-        ("empty.png", Vec::new(), "PNG or JPEG"),
+        ("text.png", b"not an image".to_vec(), "PNG, JPEG or WebP"),
+        ("empty.png", Vec::new(), "PNG, JPEG or WebP"),
         ("cut.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF".to_vec(), "JPEG"),
     ] {
         write(directory.path(), name, &bytes);
         expect_invalid(&textured(json!({"uri": name})).write(directory.path()), "/images/0/uri", words);
     }
     expect_invalid(&textured(json!({"uri": "none.png"})).write(directory.path()), "/images/0/uri", "none.png");
-    expect_invalid(&textured(json!({"bufferView": 0})).write(directory.path()), "/images/0", "PNG or JPEG");
+    expect_invalid(&textured(json!({"bufferView": 0})).write(directory.path()), "/images/0", "PNG, JPEG or WebP");
     expect_invalid(&textured(json!({})).write(directory.path()), "/images/0", "neither");
     expect_invalid(
         &textured(json!({"uri": "a.png"})).set("/textures/0/source", json!(2)).write(directory.path()),
