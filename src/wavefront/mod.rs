@@ -10,7 +10,7 @@ pub mod classify;
 pub mod columns;
 pub mod estimator;
 pub mod first_hit;
-#[allow(unsafe_code)] // Fence 2 of 2: calls into code compiled for AVX-512.
+#[allow(unsafe_code)] // Fence 3 of 3: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
 pub mod light_sample;

@@ -25,12 +25,17 @@ use std::path::Path;
 use self::document::Document;
 use self::material::MaterialTable;
 use self::node::Placed;
-use super::{Dropped, Mesh, MeshId, Scene};
+use super::{Dropped, LoadOptions, Mesh, MeshId, Scene};
 use crate::error::Result;
 
 impl Scene {
     /// Loads a `.gltf` or `.glb` file with its buffers and images.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
+        Scene::load_with(path, &LoadOptions::default())
+    }
+
+    /// As [`load`](Self::load), under other options.
+    pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
         let document = Document::read(path.as_ref())?;
         let nodes = node::flatten(&document)?;
         let mut materials = MaterialTable::read(&document)?;
@@ -65,7 +70,8 @@ impl Scene {
         }
         scene.meshes = meshes.list;
         scene.materials = materials.materials;
-        scene.textures = materials.textures.decode(&document)?;
+        scene.textures = materials.textures.decode(&document, options)?;
+        scene.fold_constant_textures();
         scene.warnings = document.take_warnings();
         scene.validate()?;
         Ok(scene)
