@@ -46,7 +46,9 @@ pub fn run() -> Result<u8> {
         Some((_, libraries)) => format!("to build    apt-get install {PACKAGES}   ({libraries})"),
         None => "to build    on other systems: a C++ compiler, make, pkg-config, libclang, Embree 3.13 or 4.x, OpenImageIO 2.4 or 2.5".into(),
     });
-    lines.push("            without the libraries: a C compiler (gcc libc6-dev) is still needed, because it links;".into());
+    lines.push(
+        "            without the libraries: a C compiler (gcc libc6-dev) is still needed, because it links;".into(),
+    );
     lines.push("            then cargo build --release --no-default-features".into());
     lines.push(format!("verdict     {}\n", if verdict { "ready to render" } else { "cannot render" }));
     print(&lines.join("\n"))?;

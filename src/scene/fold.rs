@@ -12,7 +12,8 @@ impl Scene {
     /// Folds what is constant. The list of textures stays as it is.
     pub(super) fn fold_constant_textures(&mut self) {
         let values: Vec<Option<Constant>> = self.textures.iter().map(Constant::of).collect();
-        let value = |slot: Option<TextureSlot>| slot.and_then(|slot| values.get(slot.texture.index()).copied().flatten());
+        let value =
+            |slot: Option<TextureSlot>| slot.and_then(|slot| values.get(slot.texture.index()).copied().flatten());
         for material in &mut self.materials {
             if let Some(constant) = value(material.base_color_texture).filter(|constant| constant.alpha == 1.0) {
                 material.base_color *= constant.rgb;

@@ -7,8 +7,8 @@ use glam::Vec3;
 
 use super::{Environment, Scene, Warning};
 use crate::error::{Error, Result};
-use crate::texture::{ColorSpace, SRGB_TO_LINEAR, Texels};
 use crate::texture::decode::{Decoder, Encoded, decode};
+use crate::texture::{ColorSpace, SRGB_TO_LINEAR, Texels};
 
 /// Reads an equirectangular environment: OpenEXR, Radiance `.hdr`, or another image. Infinite or NaN radiance is
 /// an error; negative radiance is clamped to 0 ([`Scene::load_environment`] reports how much of it there was).
@@ -39,9 +39,11 @@ fn read_environment(path: &Path, rotation_rad: f32, intensity: f32) -> Result<(E
     let image = decode(Encoded::File(path), Decoder::Default).map_err(problem)?;
     let radiance: Vec<Vec3> = match image.texels_in(ColorSpace::Srgb) {
         Texels::Float(plane) => plane.base.iter().map(|&[r, g, b, _]| Vec3::new(r, g, b)).collect(),
-        Texels::Eight(plane) => {
-            plane.base.iter().map(|&[r, g, b, _]| Vec3::from([r, g, b].map(|c| SRGB_TO_LINEAR[usize::from(c)]))).collect()
-        }
+        Texels::Eight(plane) => plane
+            .base
+            .iter()
+            .map(|&[r, g, b, _]| Vec3::from([r, g, b].map(|c| SRGB_TO_LINEAR[usize::from(c)])))
+            .collect(),
         _ => return Err(problem("expected an image in memory".into())),
     };
     let negative = radiance.iter().filter(|texel| texel.min_element() < 0.0).count();

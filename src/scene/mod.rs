@@ -16,11 +16,11 @@ pub mod light;
 pub mod material;
 pub mod validate;
 
+pub use crate::texture::load::Budget;
+pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
 pub use camera::{Camera, Projection};
 pub use ids::{MaterialId, MeshId, TextureId};
 pub use light::{Environment, PunctualKind, PunctualLight};
-pub use crate::texture::load::Budget;
-pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
 pub use material::{Material, TextureSlot};
 
 /// Triangles of one glTF primitive, in object space.

@@ -120,5 +120,10 @@ fn decode_exr(bytes: &[u8]) -> Result<super::decode::Image, String> {
         .from_buffered(Cursor::new(bytes))
         .map_err(exr_broken)?;
     let size = image.layer_data.size;
-    Ok(super::decode::Image { width: size.0, height: size.1, texels: image.layer_data.channel_data.pixels.1.into(), integers: false })
+    Ok(super::decode::Image {
+        width: size.0,
+        height: size.1,
+        texels: image.layer_data.channel_data.pixels.1.into(),
+        integers: false,
+    })
 }

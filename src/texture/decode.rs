@@ -10,10 +10,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-#[cfg(feature = "oiio")]
-use super::{Rows, oiio::Reader};
 use super::texels::decode_colors;
 use super::{ColorSpace, Plane, Texels, crates};
+#[cfg(feature = "oiio")]
+use super::{Rows, oiio::Reader};
 
 /// Texels of the largest image that is decoded.
 pub const MOST_TEXELS: u64 = 1 << 28;
@@ -146,11 +146,10 @@ impl Encoded<'_> {
             Encoded::Bytes(_) => None,
         };
         // What has first bytes of its own and does not begin with them is none of these.
-        let without_magic = |end: &String| !["png", "jpg", "jpeg", "exr", "hdr", "tif", "tiff", "tx", "webp"].contains(&end.as_str());
+        let without_magic =
+            |end: &String| !["png", "jpg", "jpeg", "exr", "hdr", "tif", "tiff", "tx", "webp"].contains(&end.as_str());
         match extension.filter(without_magic) {
-            Some(end) if cfg!(feature = "oiio") => {
-                Ok(Format { title: format!(".{end}"), name: end, certain: false })
-            }
+            Some(end) if cfg!(feature = "oiio") => Ok(Format { title: format!(".{end}"), name: end, certain: false }),
             _ => {
                 let others = if cfg!(feature = "oiio") { ", or another format that OpenImageIO reads" } else { "" };
                 let found = first[..first.len().min(8)].escape_ascii().to_string();
@@ -201,34 +200,49 @@ pub(super) fn open<'b>(encoded: Encoded<'b>, format: &Format) -> Result<Reader<'
     Ok(reader)
 }
 
+/// Rows that are read at once from a file without tiles: the library keeps a second copy of them meanwhile.
 #[cfg(feature = "oiio")]
-fn read_all(reader: &mut Reader, format: &Format) -> Result<Image, String> {
-    let levels = reader.info().levels.clone();
-    let mut read = Vec::with_capacity(levels.len());
-    for (level, &(_, height)) in levels.iter().enumerate() {
-        read.push(reader.read(level, 0..height).map_err(|reason| broken(format, &reason))?);
-    }
-    fn plane<T: Clone>(levels: &[(usize, usize)], all: Vec<Vec<T>>) -> Plane<T> {
-        let mut all = all.into_iter();
-        let base = all.next().unwrap_or_default().into();
-        let coarser = levels[1..].iter().zip(all).map(|(&(width, height), texels)| (width, height, texels)).collect();
-        Plane { base, coarser }
-    }
+pub(super) const STRIP: u32 = 64;
+
+/// One level, strip by strip.
+#[cfg(feature = "oiio")]
+pub(super) fn read_level(reader: &mut Reader, level: usize, format: &Format) -> Result<Rows, String> {
+    let (width, height) = reader.info().levels[level];
+    let step = reader.info().tile_rows.unwrap_or(STRIP) as usize;
     let (mut eight, mut float) = (Vec::new(), Vec::new());
-    for rows in read {
-        match rows {
-            Rows::Eight(texels) => eight.push(texels),
-            Rows::Float(texels) => float.push(texels),
+    if reader.info().eight_bits {
+        eight.reserve_exact(width * height);
+    } else {
+        float.reserve_exact(width * height);
+    }
+    for first in (0..height).step_by(step) {
+        match reader.read(level, first..(first + step).min(height)).map_err(|reason| broken(format, &reason))? {
+            Rows::Eight(texels) => eight.extend(texels),
+            Rows::Float(texels) => match not_finite(&texels, width, first) {
+                None => float.extend(texels),
+                Some(problem) => return Err(problem),
+            },
         }
     }
-    let texels = if reader.info().eight_bits {
-        Texels::Eight(plane(&levels, eight))
-    } else {
-        Texels::Float(plane(&levels, float))
+    Ok(if reader.info().eight_bits { Rows::Eight(eight) } else { Rows::Float(float) })
+}
+
+#[cfg(feature = "oiio")]
+fn read_all(reader: &mut Reader, format: &Format) -> Result<Image, String> {
+    let sizes = reader.info().levels.clone();
+    let (mut eight, mut float) = (Vec::new(), Vec::new());
+    let base = read_level(reader, 0, format)?;
+    for (level, &(width, height)) in sizes.iter().enumerate().skip(1) {
+        match read_level(reader, level, format)? {
+            Rows::Eight(texels) => eight.push((width, height, texels)),
+            Rows::Float(texels) => float.push((width, height, texels)),
+        }
+    }
+    let texels = match base {
+        Rows::Eight(base) => Texels::Eight(Plane { base: base.into(), coarser: eight.into() }),
+        Rows::Float(base) => Texels::Float(Plane { base: base.into(), coarser: float.into() }),
     };
-    let image = Image { width: levels[0].0, height: levels[0].1, texels, integers: reader.info().integers };
-    check_finite(&image)?;
-    Ok(image)
+    Ok(Image { width: sizes[0].0, height: sizes[0].1, texels, integers: reader.info().integers })
 }
 
 pub(super) fn broken(format: &Format, reason: &str) -> String {

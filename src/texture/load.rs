@@ -1,7 +1,8 @@
 //! All images of a scene within a budget of memory: which are held, and which stay in their files behind the tile cache.
 //!
 //! If all fit (with a third on top, for pyramids), all are held. Else the smallest are held, up to half of the budget, and the
-//! cache gets the rest. Those that stay and are not stored in tiles are copied, see `scratch`. The picture does not depend on
+//! cache gets seven eighths of the rest (the library's readers have buffers of their own, and its limit is overstepped a little
+//! while it evicts). Those that stay and are not stored in tiles are copied, see `scratch`. The picture does not depend on
 //! it, the speed does. Without OpenImageIO there is no cache: everything is held.
 
 use std::path::{Path, PathBuf};
@@ -94,7 +95,7 @@ pub fn load(requests: &[Request], budget: Budget) -> Images {
     let mut images = Images { images: Vec::new(), excess_bytes: 0 };
     #[cfg(feature = "oiio")]
     if cached {
-        let mut store = Store::new(budget.bytes.saturating_sub(held_bytes), budget.bytes);
+        let mut store = Store::new((budget.bytes - held_bytes) / 8 * 7, budget.bytes);
         let all = decoded.into_iter().enumerate();
         images.images = all
             .map(|(i, image)| match (image, &mut store) {
@@ -138,7 +139,6 @@ impl Store {
             let image = |_| self.image(image, &info, scan.clone());
             return Ok(request.color_spaces.map(|color_space| color_space.map(image)));
         }
-        drop(reader);
         if bytes > self.budget {
             return Err(format!(
                 "expected an image that fits into --texture-memory ({} MB) or is stored in tiles, found {} MB of texels in scan lines; \
@@ -147,8 +147,10 @@ impl Store {
                 bytes >> 20
             ));
         }
-        let decoded = decode(request.encoded, Decoder::Default)?;
-        let scan = super::stored::Scan::of_image(&decoded);
+        let (width, height) = info.levels[0];
+        let decoded = (width, height, super::decode::read_level(&mut reader, 0, &format)?);
+        drop(reader);
+        let scan = super::stored::Scan::of_rows(&decoded.2, info.integers);
         let mut loaded = [None, None];
         for (place, color_space) in loaded.iter_mut().zip(request.color_spaces) {
             let Some(color_space) = color_space else { continue };
@@ -156,13 +158,21 @@ impl Store {
                 let _ = self.tiles.scratch.set(super::scratch::Scratch::new()?);
             }
             let scratch = self.tiles.scratch.get().ok_or("no folder for copies")?;
-            let path = scratch.write(number, &decoded, color_space)?;
+            let path = scratch.write(number, &decoded, color_space, info.integers)?;
             let copy = super::oiio::Reader::open(&path, "tiff", None)?.info().clone();
             let info = super::oiio::Info { integers: info.integers, ..copy };
-            let image = self.cache.add(&path)?;
-            *place = Some(self.image(image, &info, scan.clone()));
+            *place = Some((path, info));
         }
-        Ok(loaded)
+        // The copy in memory goes before the cache takes its place.
+        drop(decoded);
+        let mut images = [None, None];
+        for (place, copy) in images.iter_mut().zip(loaded) {
+            if let Some((path, info)) = copy {
+                let image = self.cache.add(&path)?;
+                *place = Some(self.image(image, &info, scan.clone()));
+            }
+        }
+        Ok(images)
     }
 
     fn image(&self, image: u32, info: &super::oiio::Info, scan: super::stored::Scan) -> Image {

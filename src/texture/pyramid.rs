@@ -55,11 +55,17 @@ pub(super) fn halved(
                 [rgb[0], rgb[1], rgb[2], f64::from(a) / 255.0]
             };
             let mut next = Vec::with_capacity(texels);
-            average((width, height), (next_width, next_height), |i| linear(from[i]), |[r, g, b, a]| {
-                let coded = |x: f64| (255.0 * x + 0.5) as u8;
-                let rgb = [r, g, b].map(|x| coded(if color_space == ColorSpace::Srgb { linear_to_srgb(x) } else { x }));
-                next.push([rgb[0], rgb[1], rgb[2], coded(a)]);
-            });
+            average(
+                (width, height),
+                (next_width, next_height),
+                |i| linear(from[i]),
+                |[r, g, b, a]| {
+                    let coded = |x: f64| (255.0 * x + 0.5) as u8;
+                    let rgb =
+                        [r, g, b].map(|x| coded(if color_space == ColorSpace::Srgb { linear_to_srgb(x) } else { x }));
+                    next.push([rgb[0], rgb[1], rgb[2], coded(a)]);
+                },
+            );
             Rows::Eight(next)
         }
         Rows::Float(from) => {
@@ -68,10 +74,15 @@ pub(super) fn halved(
                 false => t.map(f64::from),
             };
             let mut next = Vec::with_capacity(texels);
-            average((width, height), (next_width, next_height), |i| linear(from[i]), |[r, g, b, a]| {
-                let rgb = [r, g, b].map(|x| if decoded { linear_to_srgb(x) } else { x });
-                next.push([rgb[0], rgb[1], rgb[2], a].map(|x| x as f32));
-            });
+            average(
+                (width, height),
+                (next_width, next_height),
+                |i| linear(from[i]),
+                |[r, g, b, a]| {
+                    let rgb = [r, g, b].map(|x| if decoded { linear_to_srgb(x) } else { x });
+                    next.push([rgb[0], rgb[1], rgb[2], a].map(|x| x as f32));
+                },
+            );
             Rows::Float(next)
         }
     };

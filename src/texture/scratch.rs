@@ -7,9 +7,8 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::decode::Image;
 use super::oiio::write_tiled;
-use super::{ColorSpace, Rows, Texels, pyramid};
+use super::{ColorSpace, Rows, pyramid};
 
 /// A folder below the system's for temporary files (`TMPDIR`).
 #[derive(Debug)]
@@ -27,20 +26,27 @@ impl Scratch {
         Ok(Scratch { folder })
     }
 
-    /// Writes an image and its pyramid; where to. Levels are averaged in linear values of `color_space`.
-    pub(super) fn write(&self, number: usize, image: &Image, color_space: ColorSpace) -> Result<PathBuf, String> {
+    /// Writes an image and its pyramid; where to. Levels are averaged in linear values of `color_space`; `integers` says that
+    /// colours are encoded in the file.
+    pub(super) fn write(
+        &self,
+        number: usize,
+        image: &(usize, usize, Rows),
+        color_space: ColorSpace,
+        integers: bool,
+    ) -> Result<PathBuf, String> {
         let path = self.folder.join(format!("{number}-{color_space:?}.tif"));
-        let (width, height) = (image.width, image.height);
-        let mut levels = vec![(width, height, match &image.texels {
-            Texels::Eight(plane) => Rows::Eight(plane.base.to_vec()),
-            Texels::Float(plane) => Rows::Float(plane.base.to_vec()),
-            _ => return Err("expected an image in memory".into()),
-        })];
-        let decoded = image.integers && color_space == ColorSpace::Srgb;
-        while let Some((width, height, rows)) = levels.last().filter(|(width, height, _)| width.max(height) > &1) {
-            levels.push(pyramid::halved(*width, *height, rows, color_space, decoded));
+        let decoded = integers && color_space == ColorSpace::Srgb;
+        let mut coarser: Vec<(usize, usize, Rows)> = Vec::new();
+        loop {
+            let (width, height, rows) = coarser.last().unwrap_or(image);
+            if width.max(height) <= &1 {
+                break;
+            }
+            coarser.push(pyramid::halved(*width, *height, rows, color_space, decoded));
         }
-        let levels: Vec<_> = levels.iter().map(|(width, height, rows)| (*width, *height, rows)).collect();
+        let levels: Vec<_> =
+            std::iter::once(image).chain(&coarser).map(|(width, height, rows)| (*width, *height, rows)).collect();
         write_tiled(&path, &levels).map_err(|reason| format!("cannot write {}: {reason}", path.display()))?;
         Ok(path)
     }

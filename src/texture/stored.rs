@@ -9,12 +9,12 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::decode::{Format, Image, broken, not_finite};
+use super::decode::{Format, STRIP, broken, not_finite};
 use super::oiio::{Cache, Reader, Texel};
 use super::srgb::srgb_to_linear;
 use super::stats::TextureStats;
 use super::texels::{Histogram, Sums, decode_colors, one_for_all};
-use super::{ColorSpace, Rows, Taps, Texels, Texture, linear, srgb};
+use super::{ColorSpace, Rows, Taps, Texture, linear, srgb};
 
 /// One look-up in so many is timed.
 const TIMED: u64 = 64;
@@ -148,7 +148,7 @@ impl Scan {
     pub(super) fn of_file(reader: &mut Reader, format: &Format) -> Result<Scan, String> {
         let info = reader.info().clone();
         let (width, height) = info.levels[0];
-        let step = info.tile_rows.unwrap_or(64) as usize;
+        let step = info.tile_rows.unwrap_or(STRIP) as usize;
         let mut scan = Scan::default();
         for first in (0..height).step_by(step) {
             let rows = reader.read(0, first..(first + step).min(height)).map_err(|reason| broken(format, &reason))?;
@@ -165,13 +165,12 @@ impl Scan {
         Ok(scan)
     }
 
-    /// Looks at an image in memory, which is finite.
-    pub(super) fn of_image(image: &Image) -> Scan {
+    /// Looks at texels in memory, which are finite.
+    pub(super) fn of_rows(rows: &Rows, integers: bool) -> Scan {
         let mut scan = Scan::default();
-        match &image.texels {
-            Texels::Eight(plane) => scan.add_eight(&plane.base, true),
-            Texels::Float(plane) => scan.add_float(&plane.base, image.integers, true),
-            _ => {}
+        match rows {
+            Rows::Eight(texels) => scan.add_eight(texels, true),
+            Rows::Float(texels) => scan.add_float(texels, integers, true),
         }
         scan
     }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::srgb::{SRGB_TO_LINEAR, srgb_to_linear};
+use super::stats::TextureStats;
 #[cfg(feature = "oiio")]
 use super::stored::Stored;
 use super::udim::Udim;
@@ -124,6 +125,16 @@ impl Texels {
             #[cfg(feature = "oiio")]
             Texels::Stored(_) => 0,
             Texels::Udim(udim) => udim.pages().map(|(_, page)| page.texels.bytes()).sum(),
+        }
+    }
+
+    /// What the tile cache behind these texels did, if there is one.
+    pub fn cache_stats(&self) -> Option<TextureStats> {
+        match self {
+            #[cfg(feature = "oiio")]
+            Texels::Stored(stored) => Some(stored.tiles().stats()),
+            Texels::Udim(udim) => udim.pages().find_map(|(_, page)| page.texels.cache_stats()),
+            _ => None,
         }
     }
 

@@ -32,6 +32,7 @@ use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
+use crate::texture;
 use capped::Capped;
 use isa::Isa;
 use queue::Kind;
@@ -96,6 +97,8 @@ pub struct Counters {
     pub capped_paths: u64,
     /// What those could still have carried.
     pub capped: Capped,
+    /// Look-ups of textures.
+    pub texture_lookups: u64,
 }
 
 impl Counters {
@@ -115,6 +118,7 @@ impl Counters {
         self.nonfinite += other.nonfinite;
         self.capped_paths += other.capped_paths;
         self.capped.merge(&other.capped);
+        self.texture_lookups += other.texture_lookups;
         self.nonfinite_first.extend_from_slice(&other.nonfinite_first);
         self.nonfinite_first.sort_by_key(|n| (n.sample, n.pixel.1, n.pixel.0));
         self.nonfinite_first.truncate(accumulate::NONFINITE_LISTED);
@@ -179,5 +183,6 @@ fn run_inline<S: Scheme, I: Isa>(
         edge += 1;
     }
     counters.capped.merge(&std::mem::take(&mut wave.sums.capped));
+    counters.texture_lookups += texture::take_lookups();
     accumulate::samples(chunk, wave, pixels, counters);
 }

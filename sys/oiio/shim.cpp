@@ -11,6 +11,9 @@
 #include <OpenImageIO/imageio.h>
 
 #include <dlfcn.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include <algorithm>
 #include <array>
@@ -265,9 +268,10 @@ int pathspace_oiio_write(const char* path, const pathspace_oiio_info* info, cons
       spec.tile_width = spec.tile_height = 64;
       spec.attribute("compression", "none");
       spec.attribute("oiio:UnassociatedAlpha", 1);
-      // Without this the levels would be read as separate images.
+      // The format knows images only; with this they are read as the levels of one.
       spec.attribute("textureformat", "Plain Texture");
-      const auto mode = level == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendMIPLevel;
+      const auto next = output->supports("mipmap") ? OIIO::ImageOutput::AppendMIPLevel : OIIO::ImageOutput::AppendSubimage;
+      const auto mode = level == 0 ? OIIO::ImageOutput::Create : next;
       if (!output->open(path, spec, mode) || !output->write_image(type_of(kind), levels[level])) {
         throw Failure(output->geterror());
       }
@@ -448,6 +452,10 @@ int pathspace_oiio_cache_add(pathspace_oiio_cache* cache, const char* path, uint
     added.channels = added.levels[0].nchannels;
     *image = uint32_t(shared.images.size());
     shared.images.push_back(std::move(added));
+#ifdef __GLIBC__
+    // What decoding and copying freed goes back to the system, so that it does not stand beside what the cache will take.
+    malloc_trim(0);
+#endif
   });
 }
 
@@ -485,12 +493,13 @@ void pathspace_oiio_cache_stats(pathspace_oiio_cache* cache, pathspace_oiio_stat
       std::lock_guard<std::mutex> lock(shared.threads_lock);
       for (const auto& counts : shared.threads) stats->requests += counts->requests.load(std::memory_order_relaxed);
     }
-    long long misses = 0, bytes = 0;
+    long long bytes = 0;
+    int misses = 0;
     float seconds = 0;
-    shared.cache->getattribute("stat:find_tile_cache_misses", TypeDesc::INT64, &misses);
+    shared.cache->getattribute("stat:tiles_created", TypeDesc::INT, &misses);
     shared.cache->getattribute("stat:cache_memory_used", TypeDesc::INT64, &bytes);
     shared.cache->getattribute("stat:fileio_time", TypeDesc::FLOAT, &seconds);
-    stats->tile_misses = uint64_t(std::max(misses, 0ll));
+    stats->tile_misses = uint64_t(std::max(misses, 0));
     stats->tile_hits = stats->requests - std::min(stats->requests, stats->tile_misses);
     stats->bytes = uint64_t(std::max(bytes, 0ll));
     stats->peak_bytes = std::max(shared.peak.load(), stats->bytes);

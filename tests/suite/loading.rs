@@ -1,6 +1,6 @@
 //! Loading of scenes: the shared ones by their known counts, and every feature of the loader on files made here.
 
-mod fixture;
+pub mod fixture;
 mod hostile;
 
 use std::f64::consts::FRAC_1_SQRT_2;

@@ -15,6 +15,7 @@ mod environments;
 mod estimate;
 mod film;
 mod hard;
+mod images;
 mod layers;
 mod ledger;
 mod lights;

@@ -12,8 +12,7 @@ const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge]
 
 /// A texture whose texel n is (37·n mod 256, 255 − n, 7, 100).
 fn texture(width: usize, height: usize, wrap: Wrap, bilinear: bool) -> Texture {
-    let texels: Texels =
-        (0..width * height).map(|n| [(n * 37 % 256) as u8, 255 - (n % 256) as u8, 7, 100]).collect();
+    let texels: Texels = (0..width * height).map(|n| [(n * 37 % 256) as u8, 255 - (n % 256) as u8, 7, 100]).collect();
     let color_space = ColorSpace::Linear;
     Texture { name: "test".into(), width, height, texels, color_space, wrap_u: wrap, wrap_v: wrap, bilinear }
 }

@@ -114,10 +114,8 @@ impl TextureTable {
             let what = format!("take {excess} MB more than --texture-memory {asked}: this build has no texture cache");
             document.warn("/images", what);
         }
-        let mut images: Vec<Result<Loaded, String>> = pages
-            .iter()
-            .map(|page| page.source.as_ref().map(|_| Loaded::default()).map_err(String::clone))
-            .collect();
+        let mut images: Vec<Result<Loaded, String>> =
+            pages.iter().map(|page| page.source.as_ref().map(|_| Loaded::default()).map_err(String::clone)).collect();
         for (place, image) in places.into_iter().zip(loaded.images) {
             images[place] = image;
         }
@@ -205,7 +203,8 @@ fn sources<'d>(
         return Ok(vec![(0, file(&path))]);
     }
     let numbered = udim::numbers().map(|number| (number, PathBuf::from(name.replace(udim::MARK, &number.to_string()))));
-    let pages: Vec<_> = numbered.filter(|(_, path)| path.exists()).map(|(number, path)| (number, file(&path))).collect();
+    let pages: Vec<_> =
+        numbered.filter(|(_, path)| path.exists()).map(|(number, path)| (number, file(&path))).collect();
     if pages.is_empty() {
         return Ok(vec![(0, Err(format!("cannot read {name}: none of the numbers 1001 to 1100 is there")))]);
     }

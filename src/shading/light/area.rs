@@ -15,9 +15,9 @@ use glam::Vec3;
 use super::grow::Emitter;
 use super::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
 use crate::math::float::UNIT_ROUNDOFF;
+use crate::scene::Texture;
 use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::material::Material;
-use crate::scene::Texture;
 
 /// What a material emits.
 #[derive(Clone, Copy, Debug)]
