@@ -8,16 +8,21 @@ pub mod accumulate;
 pub mod capped;
 pub mod classify;
 pub mod columns;
+pub mod emission;
 pub mod estimator;
+pub mod factors;
 pub mod first_hit;
+pub mod general;
 #[allow(unsafe_code)] // Fence 3 of 3: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
 pub mod light_sample;
+pub mod opaque;
 pub mod queue;
 pub mod raygen;
 pub mod shade;
 pub mod state;
+pub mod vertices;
 
 use glam::Vec3;
 
@@ -34,7 +39,10 @@ use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
 use crate::texture;
 use capped::Capped;
+use general::Surfaces;
 use isa::Isa;
+use lambert::LambertLanes;
+use opaque::OpaqueLanes;
 use queue::Kind;
 use raygen::Chunk;
 use state::{Carried, NO_MEDIUM, Wave};
@@ -72,7 +80,7 @@ impl Context<'_> {
     fn absorbs_fully(&self, medium: u32) -> bool {
         medium != NO_MEDIUM
             && self.plan.features.absorption
-            && shade::transmittance(&self.scene.materials[medium as usize], f32::MAX) == Vec3::ZERO
+            && emission::transmittance(&self.scene.materials[medium as usize], f32::MAX) == Vec3::ZERO
     }
 }
 
@@ -164,12 +172,16 @@ fn run_inline<S: Scheme, I: Isa>(
         let blocks = wave.current.blocks();
         let current = &mut wave.current;
         counters.invalid_rays += context.backend.closest_hit(&mut current.rays[..blocks], current.len, coherence);
+        if edge == 1 {
+            raygen::start_at_origin(&mut wave.current.rays[..blocks]);
+        }
 
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
-        counters.capped_paths += lambert::run::<S, I>(context, wave, edge);
-        counters.capped_paths += shade::run::<S>(context, wave, edge);
+        counters.capped_paths += shade::run::<LambertLanes, S, I>(context, wave, Kind::Lambert, edge);
+        counters.capped_paths += shade::run::<OpaqueLanes, S, I>(context, wave, Kind::Opaque, edge);
+        counters.capped_paths += shade::run::<Surfaces, S, I>(context, wave, Kind::General, edge);
 
         if wave.shadows.len > 0 {
             counters.rays_shadow += wave.shadows.len as u64;

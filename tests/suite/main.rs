@@ -27,6 +27,5 @@ mod readme;
 mod reference;
 mod sampling;
 mod selection;
-mod spawn;
 mod textures;
 mod transport;

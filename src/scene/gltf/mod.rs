@@ -25,7 +25,7 @@ use std::path::Path;
 use self::document::Document;
 use self::material::MaterialTable;
 use self::node::Placed;
-use super::{Dropped, LoadOptions, Mesh, MeshId, Scene};
+use super::{Dropped, LoadOptions, Mesh, MeshId, Scene, geometry};
 use crate::error::Result;
 
 impl Scene {
@@ -72,6 +72,10 @@ impl Scene {
         scene.materials = materials.materials;
         scene.textures = materials.textures.decode(&document, options)?;
         scene.fold_constant_textures();
+        let copies = geometry::copied_lamps(&scene);
+        if copies > 0 {
+            document.warn("/meshes", format!("{copies} emissive triangles repeat others exactly and are left out"));
+        }
         scene.warnings = document.take_warnings();
         scene.validate()?;
         Ok(scene)

@@ -5,6 +5,7 @@
 
 use glam::{Affine3A, DAffine3, DVec3};
 
+use super::super::geometry::LARGEST_COORDINATE_M;
 use super::super::{Instance, MeshId};
 use super::Meshes;
 use super::document::Document;
@@ -13,9 +14,7 @@ use crate::error::Result;
 
 /// Diagonals between the origin and the centre above which a scene is recentred.
 const FAR_IN_DIAGONALS: f64 = 16.0;
-/// Largest world coordinate: beyond it the squares in ray–triangle tests overflow f32 (√f32::MAX ≈ 1.8e19; Embree itself
-/// drops vertices beyond 1.8e18).
-const LARGEST_COORDINATE_M: f64 = 1e18;
+
 /// All placements of the scene.
 pub(super) struct Placement {
     pub(super) instances: Vec<Instance>,
@@ -54,7 +53,7 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
                 let choose = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
                 let point = node.world_from_node.transform_point3(DVec3::new(choose(0), choose(1), choose(2)));
                 // Also true of NaN, which overflow may leave.
-                if !point.abs().cmple(DVec3::splat(LARGEST_COORDINATE_M)).all() {
+                if !point.abs().cmple(DVec3::splat(f64::from(LARGEST_COORDINATE_M))).all() {
                     let problem = format!("expected world coordinates up to {LARGEST_COORDINATE_M:e} m, found {point}");
                     return Err(document.error(&node.pointer, problem));
                 }
