@@ -6,6 +6,7 @@
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
 mod degenerate;
+mod grazing;
 mod input;
 mod invariance;
 mod spawn;
