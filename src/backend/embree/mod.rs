@@ -7,6 +7,7 @@
 
 mod abi;
 mod device;
+mod grazing;
 mod packet;
 mod scene;
 mod stream;
@@ -88,7 +89,8 @@ impl Backend for Embree {
             Coherence::Incoherent => self.incoherent,
         };
         let query = &mut Query::new(hint);
-        match mode {
+        let ends = grazing::Ends::of(blocks);
+        let invalid = match mode {
             QueryMode::Single => packet::closest1(world, blocks, len, query),
             // SAFETY (both): the world's scene is committed and lives as long as `world`; active lanes are valid.
             QueryMode::Packet4 => packet::closest_narrow::<4>(world, blocks, len, |lanes, rays| unsafe {
@@ -99,7 +101,9 @@ impl Backend for Embree {
             }),
             QueryMode::Packet16 => packet::closest16(world, blocks, len, query),
             QueryMode::Stream => stream::closest(world, blocks, len, query),
-        }
+        };
+        grazing::mend(world, blocks, &ends, query);
+        invalid
     }
 
     /// The hint is not passed on: packets of shadow rays ran at 0.7 of their rate with Embree's coherent flag, also

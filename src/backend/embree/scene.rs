@@ -5,10 +5,10 @@
 //!
 //! Refused: indices past the vertices, transforms that are not finite or cannot be inverted within the range of `f32`.
 
-use std::ptr;
+use std::ptr::{self, NonNull};
 use std::sync::Arc;
 
-use glam::Affine3A;
+use glam::{Affine3A, Vec3};
 
 use super::abi::sys;
 use super::device::{Device, failure};
@@ -25,6 +25,8 @@ const FIRST_INSTANCE: u32 = 1;
 /// Everything that rays are traced against.
 pub(super) struct World {
     top: Scene,
+    /// Of the world mesh; the top scene keeps its geometry.
+    corners: Option<Corners>,
     /// Scenes of the instanced meshes, by mesh; kept until the top scene, which comes before them, is gone.
     _meshes: Vec<Option<Scene>>,
     /// Largest coordinate of an origin that is traced: [`MAX_COORDINATE`], or less where an instance's transform would
@@ -54,7 +56,7 @@ impl World {
         for (index, (mesh, placed)) in geometry.meshes.iter().zip(placed).enumerate() {
             meshes.push(if placed && !mesh.indices.is_empty() {
                 let mut scene = Scene::new(device, robust)?;
-                scene.attach(&triangle_geometry(device, mesh)?, index as u32)?;
+                scene.attach(&triangle_geometry(device, mesh)?.0, index as u32)?;
                 bvh_bytes += scene.commit()?;
                 triangles += mesh.indices.len() as u64;
                 Some(scene)
@@ -65,8 +67,11 @@ impl World {
 
         // The top scene: the world mesh and the placements.
         let mut top = Scene::new(device, robust)?;
+        let mut corners = None;
         if let Some(mesh) = geometry.meshes.first().filter(|mesh| !mesh.indices.is_empty()) {
-            top.attach(&triangle_geometry(device, mesh)?, 0)?;
+            let (geometry, buffers) = triangle_geometry(device, mesh)?;
+            top.attach(&geometry, 0)?;
+            corners = Some(buffers);
             triangles += if meshes[0].is_none() { mesh.indices.len() as u64 } else { 0 };
         }
         let mut max_coordinate = MAX_COORDINATE;
@@ -78,13 +83,23 @@ impl World {
         }
         bvh_bytes += top.commit()?;
         let instanced = !geometry.instances.is_empty();
-        Ok(World { top, _meshes: meshes, max_coordinate, instanced, bvh_bytes, triangles })
+        Ok(World { top, corners, _meshes: meshes, max_coordinate, instanced, bvh_bytes, triangles })
     }
 
     /// The committed top scene, alive as long as `self`.
     #[inline(always)]
     pub(super) fn raw(&self) -> sys::RTCScene {
         self.top.raw
+    }
+
+    /// Corners of a triangle of the world mesh.
+    pub(super) fn corners(&self, prim: u32) -> [Vec3; 3] {
+        let corners = self.corners.as_ref().expect("a hit without instance is on the world mesh");
+        assert!((prim as usize) < corners.triangles, "triangle {prim} of {}", corners.triangles);
+        // SAFETY: within the buffer, which the top scene's geometry keeps; nobody writes to it after `build`.
+        let index = unsafe { corners.indices.add(prim as usize).read() };
+        // SAFETY: as above; every index was held against the number of vertices before it was copied.
+        index.map(|i| unsafe { corners.vertices.add(i as usize).read() })
     }
 
     /// The lanes among the first `lanes` whose ray Embree can take, in the world and inside every instance. Direction
@@ -121,6 +136,11 @@ impl World {
         }
     }
 }
+
+// SAFETY: the buffers behind the pointers belong to the top scene, are read only after `build`, and go with it.
+unsafe impl Send for Corners {}
+// SAFETY: as above.
+unsafe impl Sync for Corners {}
 
 /// A scene; traced only after [`commit`](Scene::commit).
 struct Scene {
@@ -198,23 +218,23 @@ impl GeometryHandle {
         Ok(GeometryHandle { raw })
     }
 
-    /// Copies `items` into a new buffer of the geometry.
+    /// Copies `items` into a new buffer of the geometry, which lives as long as that.
     fn upload<T: bytemuck::Pod>(
         &self,
         device: &Device,
         kind: sys::RTCBufferType,
         format: sys::RTCFormat,
         items: &[T],
-    ) -> Result<()> {
+    ) -> Result<NonNull<T>> {
         // SAFETY: the geometry is alive; Embree allocates `items.len()` items of the stride given, padded for vertices.
         let buffer = unsafe { sys::rtcSetNewGeometryBuffer(self.raw, kind, 0, format, size_of::<T>(), items.len()) };
         device.check("allocating a buffer")?;
-        if buffer.is_null() {
+        let Some(buffer) = NonNull::new(buffer.cast::<T>()) else {
             return Err(failure("allocating a buffer: no memory"));
-        }
+        };
         // SAFETY: `buffer` is a fresh allocation of at least as many bytes as `items` has.
-        unsafe { ptr::copy_nonoverlapping(items.as_ptr().cast::<u8>(), buffer.cast::<u8>(), size_of_val(items)) };
-        Ok(())
+        unsafe { ptr::copy_nonoverlapping(items.as_ptr(), buffer.as_ptr(), items.len()) };
+        Ok(buffer)
     }
 
     fn commit(&self, device: &Device) -> Result<()> {
@@ -231,8 +251,8 @@ impl Drop for GeometryHandle {
     }
 }
 
-/// A triangle mesh, committed.
-fn triangle_geometry(device: &Device, mesh: &TriangleMesh) -> Result<GeometryHandle> {
+/// A triangle mesh, committed, and its buffers.
+fn triangle_geometry(device: &Device, mesh: &TriangleMesh) -> Result<(GeometryHandle, Corners)> {
     // Embree reads vertices by index without asking.
     let vertices = mesh.vertices.len();
     if mesh.indices.iter().flatten().any(|&index| index as usize >= vertices) {
@@ -240,10 +260,17 @@ fn triangle_geometry(device: &Device, mesh: &TriangleMesh) -> Result<GeometryHan
     }
     let geometry = GeometryHandle::new(device, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE)?;
     let (vertex, index) = (sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCBufferType::RTC_BUFFER_TYPE_INDEX);
-    geometry.upload(device, vertex, sys::RTCFormat::RTC_FORMAT_FLOAT3, &mesh.vertices)?;
-    geometry.upload(device, index, sys::RTCFormat::RTC_FORMAT_UINT3, &mesh.indices)?;
+    let vertices = geometry.upload(device, vertex, sys::RTCFormat::RTC_FORMAT_FLOAT3, &mesh.vertices)?;
+    let indices = geometry.upload(device, index, sys::RTCFormat::RTC_FORMAT_UINT3, &mesh.indices)?;
     geometry.commit(device)?;
-    Ok(geometry)
+    Ok((geometry, Corners { vertices, indices, triangles: mesh.indices.len() }))
+}
+
+/// The buffers of a mesh in Embree's memory, which its geometry owns.
+struct Corners {
+    vertices: NonNull<Vec3>,
+    indices: NonNull<[u32; 3]>,
+    triangles: usize,
 }
 
 /// A placement of a committed scene, committed.

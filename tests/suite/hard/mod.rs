@@ -11,6 +11,7 @@ mod filters;
 mod frames;
 mod fresnel;
 mod glass;
+mod grazing;
 mod input;
 mod invariance;
 mod lens;

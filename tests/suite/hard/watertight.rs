@@ -336,7 +336,9 @@ fn dyadic_grid() -> Vec<TestRay> {
 #[ignore = "about a minute and a half a backend"]
 fn no_ray_of_a_hundred_million_escapes() {
     let total: usize = std::env::var("PATHSPACE_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(100_000_000);
-    for &kind in BackendKind::available().iter().filter(|&&kind| kind != BackendKind::Brute) {
+    let mut kinds: Vec<BackendKind> = variants().iter().map(|row| row.kind).collect();
+    kinds.dedup();
+    for kind in kinds.into_iter().filter(|&kind| kind != BackendKind::Brute) {
         let (mut missed, mut traced) = ([0usize; 4], 0);
         for (place, (_, center)) in CENTERS.into_iter().enumerate() {
             let mesh = sphere(center);
@@ -357,11 +359,11 @@ fn no_ray_of_a_hundred_million_escapes() {
     }
 }
 
-/// A ray at a random point of a random edge.
+/// A ray at a random point of a random edge. The point is not rounded: far from the origin that would move it off the edge.
 fn at_an_edge(mesh: &TriangleMesh, center: Vec3, rng: &mut Rng) -> TestRay {
     let [a, b, _] = mesh.indices[rng.below(mesh.indices.len())].map(|i| mesh.vertices[i as usize].as_dvec3());
     // Away from the ends, which are vertices.
     let along = 0.01 + 0.98 * f64::from(rng.unit());
     let org = center + rng.cube();
-    TestRay::new(org, toward(org, (a + (b - a) * along).as_vec3().as_dvec3()))
+    TestRay::new(org, toward(org, a + (b - a) * along))
 }
