@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates test hard test-nolib lint setup setup-nolib setup-lint setup-gates
+.PHONY: help render bench gates robustness test hard test-nolib lint setup setup-nolib setup-lint setup-gates
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -16,6 +16,7 @@ help:
 	@echo 'make test-nolib   the same without any C or C++ library'
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
+	@echo 'make robustness  set up, build, print what each robust choice costs and what breaks without it (a minute)'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
 	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind'
@@ -45,6 +46,10 @@ bench: setup
 # `make gates FILTER=lens` measures one row; `make gates BASELINE=write` records the base scene's cost anew.
 gates: setup-gates
 	cargo bench --bench gates
+
+# What each choice for robustness costs, and what breaks without it.
+robustness: setup
+	cargo bench --bench robustness
 
 test: setup
 	cargo test --workspace $(TESTS)
