@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates robustness test hard test-nolib lint setup setup-nolib setup-lint setup-gates
+.PHONY: help render bench gates robustness test hard golden fuzz test-nolib lint setup setup-nolib setup-lint setup-gates setup-fuzz
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -13,13 +13,15 @@ help:
 	@echo 'make render       set up, build, render the Cornell box to cornell-box.exr and .png'
 	@echo 'make test         set up, build, run the whole test suite'
 	@echo 'make hard         set up, build, run the hard numerical cases; prints their table, writes tests/HARD.md'
+	@echo 'make golden       set up, build, write tests/golden anew (needs ../shared/assets; a commit of its own)'
 	@echo 'make test-nolib   the same without any C or C++ library'
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
-	@echo 'make robustness  set up, build, print what each robust choice costs and what breaks without it (a minute)'
+	@echo 'make robustness   set up, build, print what each robust choice costs and what breaks without it (a minute)'
+	@echo 'make fuzz         set up, build, feed mutated scene files to the loader for a minute (FUZZ_SECONDS=600: ten)'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
-	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind'
+	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind; setup-fuzz: C++'
 
 setup:
 	@scripts/setup.sh
@@ -32,6 +34,9 @@ setup-lint:
 
 setup-gates:
 	@scripts/setup.sh gates
+
+setup-fuzz:
+	@scripts/setup.sh fuzz
 
 render: setup
 	cargo build --release
@@ -61,6 +66,13 @@ hard: setup
 	mkdir -p $(HARD)
 	status=0; PATHSPACE_HARD=$(HARD) cargo test --no-fail-fast --test suite hard:: || status=$$?; \
 	PATHSPACE_HARD=$(HARD) cargo test --quiet --test suite hard::table::print -- --ignored --nocapture && cp $(HARD)/HARD.md tests/HARD.md && exit $$status
+
+golden: setup
+	cargo test --test suite asset::write -- --ignored
+
+FUZZ_SECONDS ?= 60
+fuzz: setup-fuzz
+	scripts/fuzz.sh $(FUZZ_SECONDS)
 
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)

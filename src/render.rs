@@ -26,6 +26,7 @@ use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::select::Selection;
+use crate::wavefront::alpha::AlphaTable;
 use crate::wavefront::queue::{self, Kind};
 use crate::wavefront::raygen::Chunk;
 use crate::wavefront::replay::Replay;
@@ -153,6 +154,7 @@ pub struct Renderer<'a> {
     filter: FilterTable,
     kinds: Vec<Kind>,
     only_kind: Option<Kind>,
+    alpha: AlphaTable,
     albedo: SpecularAlbedo,
     pool: rayon::ThreadPool,
     build_time: Duration,
@@ -187,6 +189,7 @@ impl<'a> Renderer<'a> {
             filter: FilterTable::new(plan.filter),
             only_kind: queue::only_kind(scene, &kinds),
             kinds,
+            alpha: AlphaTable::new(scene),
             albedo: SpecularAlbedo::for_materials(&scene.materials),
             pool,
             geometry,
@@ -479,6 +482,7 @@ impl<'a> Renderer<'a> {
                 medium: self.plan.features.dielectric || self.plan.features.thin || self.plan.features.absorption,
             },
             only_area: self.lights.only_area(),
+            alpha: &self.alpha,
             albedo: &self.albedo,
             observer: None,
         }

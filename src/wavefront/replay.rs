@@ -10,25 +10,25 @@ use std::cell::{Cell, RefCell};
 use glam::Vec3;
 use serde::Serialize;
 
+use super::columns::get;
+use super::general::{Surfaces, consistent};
+use super::isa::Baseline;
 use super::observe::{Observer, Stage};
 use super::raygen::Chunk;
-use super::shade;
+use super::shade::Bsdfs;
 use super::state::{PathLane, Wave};
 use super::vertex::{
     Emission, End, LightSample, Met, Number, Roulette, Scattering, Shadow, Surface, Triple, Vertex, triple,
 };
-use super::{Context, Counters, estimator};
-use crate::backend::batch::{BLOCKED, INVALID_ID, RayHitBlock, valid_lanes};
+use super::vertices::Vertices;
+use super::{Context, Counters, emission, estimator};
+use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayHitBlock, valid_lanes};
 use crate::film::Pixel;
-use crate::math::float;
-use crate::math::frame::Frame;
 use crate::plan::options;
 use crate::sampler::{self, IndependentScheme, SamplerKind, Scheme, SobolScheme, dims};
 use crate::scene::Material;
 use crate::shading::bsdf::BsdfSample;
 use crate::shading::bsdf::dielectric::{Body, Dielectric};
-use crate::shading::interaction::Interaction;
-use crate::shading::light::EmitterHit;
 use crate::shading::roulette;
 use crate::shading::surface::Surface as Bsdf;
 
@@ -221,13 +221,11 @@ impl<'c> Witness<'c> {
                 told.emission = self.environment(org, dir, &path);
             }
             Some(hit) => {
-                let at = Interaction::at(context.geometry, &hit, context.plan.features.smooth_normals);
-                let front = at.n_g.dot(dir) < 0.0;
-                let vertex = shade::Vertex { at, wo: -dir, t: hit.t, front };
-                let mut surface = self.surface(&vertex);
+                let vertices = Vertices::gather::<Baseline>(context, rays, &wave.current.paths[0], 1);
+                let mut surface = self.surface(&vertices, hit.t);
                 (surface.mesh, surface.triangle) = (hit.geom, hit.prim);
                 surface.instance = (hit.inst != INVALID_ID).then_some(hit.inst);
-                self.shade(&mut told, &mut surface, &vertex, org, path);
+                self.shade(&mut told, &mut surface, vertices, rays, path);
                 told.met = Met::Surface(surface);
                 // What the kernels did has the last word.
                 if wave.next.len > 0 {
@@ -238,16 +236,16 @@ impl<'c> Witness<'c> {
         told
     }
 
-    fn surface(&self, vertex: &shade::Vertex) -> Surface {
-        let at = &vertex.at;
+    fn surface(&self, vertices: &Vertices, distance_m: f32) -> Surface {
+        let side = vertices.side[0];
         Surface {
-            distance_m: Number(vertex.t),
-            position_m: self.world(at.p),
-            error_m: Number(at.error),
-            normal_geometric: triple(at.n_g),
-            normal_shading: triple(at.n_s),
-            front: vertex.front,
-            material: self.context.scene.materials[at.material as usize].name.clone(),
+            distance_m: Number(distance_m),
+            position_m: self.world(get(&vertices.p, 0)),
+            error_m: Number(vertices.error[0]),
+            normal_geometric: triple(vertices.front_n_g(0)),
+            normal_shading: triple(get(&vertices.n_s, 0) * side),
+            front: side > 0.0,
+            material: self.context.scene.materials[vertices.material[0] as usize].name.clone(),
             kind: None,
             mesh: 0,
             triangle: 0,
@@ -276,17 +274,26 @@ impl<'c> Witness<'c> {
         })
     }
 
-    /// Everything that is decided at a surface.
-    fn shade(&self, told: &mut Vertex, surface: &mut Surface, vertex: &shade::Vertex, org: Vec3, mut path: PathLane) {
+    /// Everything that is decided at a surface. The general kernel tells the story, whichever kernel the render took: they give the
+    /// same bits.
+    fn shade(
+        &self,
+        told: &mut Vertex,
+        surface: &mut Surface,
+        mut vertices: Vertices,
+        rays: &RayHitBlock,
+        mut path: PathLane,
+    ) {
         let context = self.context;
         let plan = context.plan;
-        let material = &context.scene.materials[vertex.at.material as usize];
+        let material = &context.scene.materials[vertices.material[0] as usize];
         if plan.features.absorption {
-            let transmittance = shade::absorption(context, material, &path, vertex);
+            let front = vertices.side[0] > 0.0;
+            let transmittance = emission::absorption(context, material, path.medium, front, rays.ray.tfar[0]);
             path.beta *= transmittance;
             surface.transmittance = (transmittance != Vec3::ONE).then(|| triple(transmittance));
         }
-        told.emission = self.emission(material, vertex, org, &path);
+        told.emission = self.emission(material, &vertices, rays, &path);
         if material.unlit {
             (surface.kind, told.end) = (Some("unlit"), Some(End::Unlit));
             return;
@@ -309,29 +316,27 @@ impl<'c> Witness<'c> {
             told.end = Some(End::Roulette);
             return;
         }
-        if survival < 1.0 {
-            path.beta *= 1.0 / survival;
-        }
+        path.beta *= 1.0 / survival;
 
         let u_bsdf = random(context, &path, dims::bsdf(told.edge));
-        let Some((bsdf, frame)) = shade::resolve(context, material, vertex, u_bsdf[3]) else {
+        let surfaces = Surfaces::resolve(context, rays, &mut vertices, &[u_bsdf[3]; LANES]);
+        let bsdf = surfaces.surface(0);
+        if vertices.active[0] == 0 {
             told.end = Some(End::Absorbed);
             return;
-        };
-        surface.kind = Some(kind(&bsdf));
-        surface.normal_shading = triple(frame.n);
-        path.last_n = if bsdf.is_transmissive() { Vec3::ZERO } else { frame.n };
+        }
+        surface.kind = Some(kind(bsdf));
+        surface.normal_shading = triple(surfaces.frame(0).n);
+        path.last_n = get(&surfaces.receiver_n(&vertices), 0);
         if plan.samples_lights() && (!bsdf.is_delta() || plan.features.lights_at_deltas) {
-            let u = [u_light[0], u_light[1], u_light[2]];
-            told.light = self.light(vertex, &path, &bsdf, &frame, u);
+            told.light = self.light(&vertices, &path, &surfaces, [u_light[0], u_light[1], u_light[2]]);
         }
 
         let u = [u_bsdf[0], u_bsdf[1], u_bsdf[2]];
-        let wo = frame.to_local(vertex.wo);
         told.end = Some(if matches!(bsdf, Bsdf::Black) { End::Absorbed } else { End::Refused });
-        if let Some((sample, frame)) = shade::sample_bsdf(&bsdf, frame, wo, vertex, u) {
+        if let Some((sample, frame)) = surfaces.sample_lane(&vertices, 0, u) {
             told.scattering = Some(Scattering {
-                lobe: lobe(&bsdf, frame.to_local(vertex.wo), u[0], &sample),
+                lobe: lobe(bsdf, frame.to_local(get(&vertices.wo, 0)), u[0], &sample),
                 wi: triple(frame.to_world(sample.wi)),
                 pdf_sa: Number(sample.pdf_sa),
                 weight: triple(sample.weight),
@@ -342,10 +347,17 @@ impl<'c> Witness<'c> {
     }
 
     /// What the surface gives by itself.
-    fn emission(&self, material: &Material, vertex: &shade::Vertex, org: Vec3, path: &PathLane) -> Option<Emission> {
+    fn emission(
+        &self,
+        material: &Material,
+        vertices: &Vertices,
+        rays: &RayHitBlock,
+        path: &PathLane,
+    ) -> Option<Emission> {
         let context = self.context;
+        let hit = rays.hit_unchecked(0);
         if material.unlit {
-            let color = shade::textured(context, &vertex.at, material.base_color, material.base_color_texture);
+            let color = emission::unlit_color(context, &hit, material);
             return Some(Emission {
                 radiance: triple(color),
                 bsdf_pdf_sa: Number(path.last_pdf_sa),
@@ -354,20 +366,13 @@ impl<'c> Witness<'c> {
                 contribution: triple(path.beta * color),
             });
         }
-        if !(material.is_emissive() && vertex.front) {
+        if !(material.is_emissive() && vertices.side[0] > 0.0) {
             return None;
         }
-        let cos = vertex.at.n_g.dot(vertex.wo);
-        let weight = shade::emission_weight(context, path, org, &vertex.at, vertex.t, cos);
-        let shared = context.plan.samples_lights() && vertex.at.light != u32::MAX;
-        let light_pdf = if shared {
-            let area_m2 = context.lights.area_m2(vertex.at.light);
-            let hit = EmitterHit { light: vertex.at.light, distance_m: vertex.t, cos_light: cos, area_m2 };
-            context.lights.pdf_triangle(org, path.last_n, &hit)
-        } else {
-            0.0
-        };
-        let radiance = shade::textured(context, &vertex.at, material.emissive, material.emissive_texture);
+        let emitter = vertices.emitter(0, hit.t);
+        let weight = emission::weight(context, path, rays.ray.org(0), &emitter);
+        let light_pdf = emission::light_pdf_sa(context, path, rays.ray.org(0), &emitter);
+        let radiance = emission::textured(context, &hit, material.emissive, material.emissive_texture);
         let contribution = if weight > 0.0 { path.beta * radiance * weight } else { Vec3::ZERO };
         Some(Emission {
             radiance: triple(radiance),
@@ -379,27 +384,20 @@ impl<'c> Witness<'c> {
     }
 
     /// The light sample, `Visible` for now if a ray is worth tracing.
-    fn light(
-        &self,
-        vertex: &shade::Vertex,
-        path: &PathLane,
-        bsdf: &Bsdf,
-        frame: &Frame,
-        u: [f32; 3],
-    ) -> Option<LightSample> {
+    fn light(&self, vertices: &Vertices, path: &PathLane, surfaces: &Surfaces, u: [f32; 3]) -> Option<LightSample> {
         let context = self.context;
-        let facing = if vertex.front { vertex.at.n_g } else { -vertex.at.n_g };
-        let receiver = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, facing);
+        let receiver = get(&vertices.receivers(), 0);
         let light = context.lights.sample(receiver, path.last_n, u)?;
-        let (wo, wi) = (frame.to_local(vertex.wo), frame.to_local(light.wi));
+        let frame = surfaces.frame(0);
+        let (wo, wi) = (frame.to_local(get(&vertices.wo, 0)), frame.to_local(light.wi));
         let mut emitted = light.radiance;
         if let Some(point) = light.texture_point {
-            emitted *= shade::emission_texel(context, &point);
+            emitted *= emission::texel(context, &point);
         }
-        let eval = bsdf.eval(wo, wi);
+        let eval = surfaces.surface(0).eval(wo, wi);
         let weight = estimator::light_weight(context.plan.strategy, light.pdf_sa, eval.pdf_sa, light.delta);
         let contribution = path.beta * eval.f_cos * emitted * (weight / light.pdf_sa);
-        let traced = shade::consistent(frame, wo, wi, vertex) && contribution.max_element() > 0.0;
+        let traced = consistent(vertices, 0, frame, wo, wi) && contribution.max_element() > 0.0;
         Some(LightSample {
             wi: triple(light.wi),
             distance_m: light.target.map(|target| Number(target.position.distance(receiver))),

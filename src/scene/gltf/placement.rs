@@ -7,6 +7,7 @@
 
 use glam::{Affine3A, DAffine3, DVec3};
 
+use super::super::geometry::LARGEST_COORDINATE_M;
 use super::super::{Instance, MeshId};
 use super::Meshes;
 use super::document::Document;
@@ -16,9 +17,7 @@ use crate::error::Result;
 /// Diagonals between the origin and the centre above which it is said that the scene is moved: what the file itself holds in
 /// f32 has then lost more than four bits.
 const FAR_IN_DIAGONALS: f64 = 16.0;
-/// Largest world coordinate: beyond it the squares in ray–triangle tests overflow f32 (√f32::MAX ≈ 1.8e19; Embree itself
-/// drops vertices beyond 1.8e18).
-const LARGEST_COORDINATE_M: f64 = 1e18;
+
 /// All placements of the scene.
 pub(super) struct Placement {
     pub(super) instances: Vec<Instance>,
@@ -57,7 +56,7 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
                 let choose = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
                 let point = node.world_from_node.transform_point3(DVec3::new(choose(0), choose(1), choose(2)));
                 // Also true of NaN, which overflow may leave.
-                if !point.abs().cmple(DVec3::splat(LARGEST_COORDINATE_M)).all() {
+                if !point.abs().cmple(DVec3::splat(f64::from(LARGEST_COORDINATE_M))).all() {
                     let problem = format!("expected world coordinates up to {LARGEST_COORDINATE_M:e} m, found {point}");
                     return Err(document.error(&node.pointer, problem));
                 }
@@ -96,7 +95,11 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
 fn lattice_point(centre: DVec3, diagonal: f64) -> DVec3 {
     let step = diagonal.log2().ceil().exp2();
     // Also false of a diagonal of 0. Halves go to even, so that a scene standing on the origin stays; the sum makes −0 a 0.
-    if step > 0.0 && step.is_finite() { (centre / step).map(f64::round_ties_even) * step + DVec3::ZERO } else { DVec3::ZERO }
+    if step > 0.0 && step.is_finite() {
+        (centre / step).map(f64::round_ties_even) * step + DVec3::ZERO
+    } else {
+        DVec3::ZERO
+    }
 }
 
 fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {
