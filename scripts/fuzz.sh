@@ -22,7 +22,7 @@ flags=(
   -C llvm-args=-sanitizer-coverage-trace-compares
 )
 export CARGO_TARGET_DIR=${PATHSPACE_FUZZ_TARGET:-$PWD/target}
-RUSTFLAGS="${flags[*]}" cargo build --release --locked --target "$host" --bin gltf
+RUSTFLAGS="${flags[*]}" cargo build --release --target "$host" --bin gltf
 
 corpus=$CARGO_TARGET_DIR/corpus
 mkdir -p "$corpus"
