@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates test hard golden test-nolib lint setup setup-nolib setup-lint setup-gates
+.PHONY: help render bench gates robustness test hard golden fuzz test-nolib lint setup setup-nolib setup-lint setup-gates setup-fuzz
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -17,9 +17,11 @@ help:
 	@echo 'make test-nolib   the same without any C or C++ library'
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
+	@echo 'make robustness   set up, build, print what each robust choice costs and what breaks without it (a minute)'
+	@echo 'make fuzz         set up, build, feed mutated scene files to the loader for a minute (FUZZ_SECONDS=600: ten)'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
-	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind'
+	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind; setup-fuzz: C++'
 
 setup:
 	@scripts/setup.sh
@@ -32,6 +34,9 @@ setup-lint:
 
 setup-gates:
 	@scripts/setup.sh gates
+
+setup-fuzz:
+	@scripts/setup.sh fuzz
 
 render: setup
 	cargo build --release
@@ -47,6 +52,10 @@ bench: setup
 gates: setup-gates
 	cargo bench --bench gates
 
+# What each choice for robustness costs, and what breaks without it.
+robustness: setup
+	cargo bench --bench robustness
+
 test: setup
 	cargo test --workspace $(TESTS)
 
@@ -60,6 +69,10 @@ hard: setup
 
 golden: setup
 	cargo test --test suite asset::write -- --ignored
+
+FUZZ_SECONDS ?= 60
+fuzz: setup-fuzz
+	scripts/fuzz.sh $(FUZZ_SECONDS)
 
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)

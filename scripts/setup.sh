@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Installs what building pathspace needs on Debian 12 and 13, through apt-get, and only what is missing.
-# Usage: scripts/setup.sh [nolib | lint | gates]      nolib: without Embree and OpenImageIO (cargo's --no-default-features)
+# Usage: scripts/setup.sh [nolib | lint | gates | fuzz]      nolib: without Embree and OpenImageIO (cargo's --no-default-features)
 #                                                     lint: rustfmt and clippy as well, through rustup
 #                                                     gates: valgrind as well
+#                                                     fuzz: a C++ compiler, which is all that the fuzz target needs
 # Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
 
 set -euo pipefail
@@ -21,11 +22,12 @@ packages=(gcc libc6-dev make)
 tools=()
 case "${1:-}" in
   nolib) ;;
+  fuzz) packages+=(g++) ;;
   '' | lint | gates)
     [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
     packages+=(libclang-dev g++ pkg-config libopenimageio-dev)
     [ "${1:-}" != gates ] || tools+=(valgrind) ;;
-  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint | gates]" ;;
+  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint | gates | fuzz]" ;;
 esac
 
 # Rust first: apt-get cannot help with it, Debian's own is too old.

@@ -31,7 +31,7 @@ pub fn kinds() -> impl Iterator<Item = BackendKind> {
 }
 
 /// Prints processor, instruction sets, versions and the query modes that really run.
-fn facts() {
+pub fn facts() {
     let processor = Processor::detect();
     println!("machine {} ({}), pathspace {}", processor.name, processor.isa(), env!("CARGO_PKG_VERSION"));
     for kind in kinds() {

@@ -39,7 +39,8 @@ impl Frame {
         // Below this the projection is rounding noise of the subtraction: 16 roundoffs of the tangent's own length.
         let noise2 = tangent.length_squared() * (super::float::UNIT_ROUNDOFF * 16.0).powi(2);
         let length2 = t.length_squared();
-        if length2 > noise2 && length2 < f32::INFINITY {
+        // And below the normal range its length has too few bits left to divide by.
+        if length2 > noise2.max(f32::MIN_POSITIVE) && length2 < f32::INFINITY {
             let t = t / length2.sqrt();
             Frame { t, b: n.cross(t), n }
         } else {

@@ -25,6 +25,7 @@ mod loading;
 mod meter;
 mod operator;
 mod plan;
+mod properties;
 mod readme;
 mod reference;
 mod replay;

@@ -94,8 +94,12 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
 /// The point nearest to `centre` whose coordinates are multiples of the power of two next above `diagonal`.
 fn lattice_point(centre: DVec3, diagonal: f64) -> DVec3 {
     let step = diagonal.log2().ceil().exp2();
-    // Also false of a diagonal of 0. Halves go to even, so that a scene standing on the origin stays.
-    if step > 0.0 && step.is_finite() { (centre / step).map(f64::round_ties_even) * step } else { DVec3::ZERO }
+    // Also false of a diagonal of 0. Halves go to even, so that a scene standing on the origin stays; the sum makes −0 a 0.
+    if step > 0.0 && step.is_finite() {
+        (centre / step).map(f64::round_ties_even) * step + DVec3::ZERO
+    } else {
+        DVec3::ZERO
+    }
 }
 
 fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {

@@ -37,6 +37,8 @@ fn leaning(n: u32, x: f32, smooth: bool) -> Scene {
         triangles: triangles.collect(),
         positions,
         uvs: None,
+        more_uvs: Vec::new(),
+        colors: None,
         tangents: None,
         material: white,
     };

@@ -1,0 +1,48 @@
+//! Bytes as a scene file: whatever they are, loading ends with a scene or an error, without a panic, and what loads can be made
+//! ready for tracing. The loader reads files, so the bytes are written to one first (in memory where there is a /dev/shm).
+
+#![no_main]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use libfuzzer_sys::fuzz_target;
+use pathspace::scene::geometry::Geometry;
+use pathspace::shading::light::Lights;
+use pathspace::{Error, Scene};
+
+/// Triangles of a scene that is worth making ready: the rest of the time is better spent on other bytes.
+const MOST_TRIANGLES: u64 = 10_000;
+
+fuzz_target!(|bytes: &[u8]| {
+    let file = file();
+    fs::write(file, bytes).expect("the folder of temporary files can be written");
+    match Scene::load(file) {
+        Ok(scene) => {
+            scene.validate().expect("a scene that loads keeps its promises");
+            if scene.triangle_count() <= MOST_TRIANGLES {
+                let mut geometry = Geometry::build(&scene);
+                if let Ok(lights) = Lights::build(&scene, &geometry) {
+                    lights.assign(&mut geometry);
+                }
+            }
+        }
+        // An error is one line that names the file.
+        Err(error) => {
+            let line = error.to_string();
+            assert!(!line.contains('\n'), "{line}");
+            assert!(matches!(error, Error::Io { .. }) || line.contains("pathspace-fuzz"), "{line}");
+        }
+    }
+});
+
+/// A file of this process alone. Its name says neither .gltf nor .glb: the bytes do.
+fn file() -> &'static Path {
+    static FILE: OnceLock<PathBuf> = OnceLock::new();
+    FILE.get_or_init(|| {
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() { memory.into() } else { std::env::temp_dir() };
+        folder.join(format!("pathspace-fuzz-{}", std::process::id()))
+    })
+}
