@@ -5,6 +5,17 @@
 //! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
+mod area_lights;
+mod environment;
+mod furnace;
+mod many_lights;
+mod mis;
+mod modes;
+mod receiver;
+pub mod room;
+mod roulette;
+mod solid_angle;
+mod spheres;
 mod table;
 
 use std::fmt::Display;
