@@ -15,7 +15,7 @@ use pathspace_stat::GaussLegendre;
 use super::Case;
 use super::modes::Mode;
 use super::receiver::{
-    Means, Receiver, STRATEGIES, delta, delta_of, is_full, mesh_irradiance, picture, polygon_irradiance, with,
+    Means, Receiver, STRATEGIES, delta, delta_of, mesh_irradiance, picture, polygon_irradiance, with,
 };
 use crate::common::Estimate;
 use crate::meter::{Random, lights_of, rectangle, square_light};
@@ -45,7 +45,7 @@ fn strategies(means: &mut Means, what: &str, receiver: &Receiver, expected: f64,
 }
 
 fn samples(mode: &Mode) -> u64 {
-    if is_full(mode) { 1 << 20 } else { 1 << 15 }
+    if mode.is_main() { 1 << 20 } else { 1 << 15 }
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn l04_disc() {
         let mut means = Means::default();
         for (offset, expected) in offsets {
             let receiver = Receiver::new(Vec3::X * offset, UP, &fan);
-            let n = if is_full(&mode) { 1 << 20 } else { 1 << 12 };
+            let n = if mode.is_main() { 1 << 20 } else { 1 << 12 };
             let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 4));
             let tau = (1e-5 + FAN_DEFICIT) * expected;
             means.add(format!("offset {offset}"), expected, tau, delta(n), estimate);
@@ -226,7 +226,7 @@ fn l05_sphere() {
         for &(s, degrees, _, exact, ref light) in &lights {
             // The nearest mesh is 0.01 away.
             let receiver = Receiver { half_m: 1e-4, ..Receiver::new(ORIGIN, UP, light) };
-            let n = if is_full(&mode) { 1 << 20 } else { 1 << 12 };
+            let n = if mode.is_main() { 1 << 20 } else { 1 << 12 };
             // Most of the nearest sphere that counts is cut off by the horizon: four times the samples for the power.
             let more = if s == 0.99 && degrees == 120.0 { 4 } else { 1 };
             let estimate = receiver.irradiance(more * n, with(&mode, Strategy::MisPower, 5));
@@ -265,9 +265,9 @@ fn l08_touching_the_receiver() {
     // Per-sample variance: known for area and cosine sampling; MIS must not inherit the fireflies.
     let receiver = Receiver::new(Vec3::X * 0.01, UP, &standing);
     for mode in Mode::all() {
-        let n = if is_full(&mode) { 1 << 20 } else { 1 << 14 };
+        let n = if mode.is_main() { 1 << 20 } else { 1 << 14 };
         let variance = |strategy| receiver.single_samples(n, with(&mode, strategy, 9)).variance[0];
-        let cosine = if is_full(&mode) { 0.02 } else { 0.02 * 8.0 };
+        let cosine = if mode.is_main() { 0.02 } else { 0.02 * 8.0 };
         let on = |what: &str| format!("{} (variance at 0.01 m, {what})", mode.name);
         case.number(on("cosine"), 2.46679, variance(Strategy::BsdfOnly), cosine);
         let mis = variance(Strategy::MisPower);
@@ -437,7 +437,7 @@ fn l22_inside_and_on_a_sphere() {
     case.number("- (exact value of the mesh, facing it)", 3.141586662, exact(-normal), 1e-4);
     case.number("- (exact value of the mesh, perpendicular)", PI / 2.0, exact(tangent), 2e-3);
     for mode in Mode::all() {
-        let n = if is_full(&mode) {
+        let n = if mode.is_main() {
             1 << 18
         } else if mode.is_brute() {
             1 << 9

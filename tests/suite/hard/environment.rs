@@ -15,7 +15,7 @@ use pathspace_stat::Moments;
 
 use super::Case;
 use super::modes::Mode;
-use super::receiver::{Means, Receiver, delta, is_full, with};
+use super::receiver::{Means, Receiver, delta, with};
 use crate::common::Estimate;
 use crate::meter::{Random, environment, environment_lights, irradiance, map_direction};
 
@@ -99,9 +99,9 @@ fn l13_analytic() {
     means.judge(&mut case, "-");
     // Traced: each axis with one normal.
     for mode in Mode::all() {
-        let n = if is_full(&mode) { 1 << 16 } else { 1 << 13 };
+        let n = if mode.is_main() { 1 << 16 } else { 1 << 13 };
         let mut means = Means::default();
-        for (i, &a) in compass.iter().enumerate().step_by(if is_full(&mode) { 1 } else { 5 }) {
+        for (i, &a) in compass.iter().enumerate().step_by(if mode.is_main() { 1 } else { 5 }) {
             let normal = compass[(7 * i + 3) % 26];
             let Analytic { name, map, expected } = if i % 2 == 0 { linear(a) } else { quadratic(a) };
             let sky = |b: &mut SceneBuilder| {
@@ -206,9 +206,9 @@ fn l14_sun_in_one_texel() {
 
     // Traced: all suns where the count is full, the pole elsewhere.
     for mode in Mode::all() {
-        let n = if is_full(&mode) { 1 << 18 } else { 1 << 14 };
+        let n = if mode.is_main() { 1 << 18 } else { 1 << 14 };
         let mut means = Means::default();
-        for (sun_row, _) in suns.into_iter().take(if is_full(&mode) { 4 } else { 1 }) {
+        for (sun_row, _) in suns.into_iter().take(if mode.is_main() { 4 } else { 1 }) {
             let map = sunny(sun_row);
             let sky = |b: &mut SceneBuilder| {
                 b.environment(map.clone());

@@ -14,7 +14,7 @@ use pathspace_stat::chi2_test;
 
 use super::Case;
 use super::modes::Mode;
-use super::receiver::{Means, Receiver, STRATEGIES, delta, is_full, with};
+use super::receiver::{Means, Receiver, STRATEGIES, delta, with};
 use crate::common::{Estimate, options};
 use crate::meter::{Random, environment, geometry, irradiance, material, square_light};
 
@@ -118,7 +118,7 @@ fn l12_a_million_lights() {
         }
     };
     for mode in Mode::all() {
-        let n = if is_full(&mode) { 1 << 18 } else { 1 << 14 };
+        let n = if mode.is_main() { 1 << 18 } else { 1 << 14 };
         let receiver = Receiver::new(ORIGIN, UP, &add);
         let mut means = Means::default();
         let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 12));
@@ -177,7 +177,7 @@ fn l23_no_light() {
         }
         case.count(format!("{} (samples not 0)", mode.name), 0, lit);
         case.count(format!("{} (shadow rays)", mode.name), 0, shadows);
-        let n = if is_full(&mode) { 1 << 18 } else { 1 << 10 };
+        let n = if mode.is_main() { 1 << 18 } else { 1 << 10 };
         // The lamp faces along -y. Only it is ever chosen, so that not even the random numbers differ.
         let values = [&alone as &dyn Fn(&mut SceneBuilder), &among].map(|lights| {
             let receiver = Receiver::new(Vec3::new(0.0, -0.5, 0.0), Vec3::new(0.0, 0.6, 0.8), lights);

@@ -16,7 +16,7 @@ use pathspace_stat::{Moments, welch};
 use super::Case;
 use super::area_lights::{FAN_DEFICIT, fan, square};
 use super::modes::Mode;
-use super::receiver::{Means, Receiver, STRATEGIES, bernoulli_delta, delta, delta_of, is_full, with};
+use super::receiver::{Means, Receiver, STRATEGIES, bernoulli_delta, delta, delta_of, with};
 use crate::common::{Estimate, probe_film};
 use crate::meter::{Random, environment, geometry, irradiance, material, square_light};
 
@@ -81,7 +81,7 @@ fn l16_known_variances() {
     ];
     for mode in Mode::all() {
         // Films of 2^18 pixels, four of them where the count is full: a quarter of the specification's.
-        let (pixels, films) = if is_full(&mode) { (1 << 18, 4) } else { (1 << 12, 1) };
+        let (pixels, films) = if mode.is_main() { (1 << 18, 4) } else { (1 << 12, 1) };
         let moments = exact.map(|(strategy, _)| {
             let mut moments = Moments::default();
             for film in 0..films {
@@ -99,7 +99,7 @@ fn l16_known_variances() {
             let band = 1.1 * 4.9 * (variance / n).sqrt() / 0.25;
             means.add(format!("{strategy:?}"), 0.25, tau, band, Estimate::of_moments(found));
             let spread = 4.9 * ((found.excess_kurtosis() + 2.0) / n).sqrt() + FAN_DEFICIT;
-            variances.push((*variance, found.variance(), if is_full(&mode) { spread.min(0.01) } else { spread }));
+            variances.push((*variance, found.variance(), if mode.is_main() { spread.min(0.01) } else { spread }));
         }
         for i in 0..4 {
             worst_t = (0..i).fold(worst_t, |worst, j| worst.max(welch(&moments[i], &moments[j]).t.abs()));
@@ -153,7 +153,7 @@ fn l18_partly_occluded() {
     let small = blocked([(-0.25, -0.25), (0.25, -0.25), (0.25, 0.25), (-0.25, 0.25)]);
     let half = blocked([(-100.0, -100.0), (0.0, -100.0), (0.0, 100.0), (-100.0, 100.0)]);
     for mode in Mode::all() {
-        let n = if is_full(&mode) { 1 << 20 } else { 1 << 15 };
+        let n = if mode.is_main() { 1 << 20 } else { 1 << 15 };
         let mut means = Means::default();
         let variants =
             [("square", &small as &dyn Fn(&mut SceneBuilder), 0.9885648143), ("half plane", &half, 0.8704197514)];
@@ -186,7 +186,7 @@ fn l19_caustic() {
     let scene = receiver.scene();
     for mode in Mode::all() {
         // Eight films, since few paths find the lamp by way of the mirror.
-        let (pixels, spp) = if is_full(&mode) { (1u32 << 14, 512) } else { (1 << 12, 16) };
+        let (pixels, spp) = if mode.is_main() { (1u32 << 14, 512) } else { (1 << 12, 16) };
         let n = u64::from(pixels) * spp;
         let options = RenderOptions { max_depth: 3, per_length: true, ..with(&mode, Strategy::MisPower, 19) }.spp(spp);
         let lengths = probe_film(&scene, receiver.eye(), -UP, pixels, options).lengths.expect("asked for");
@@ -273,7 +273,7 @@ fn l21_delta_lights() {
         }
     };
     for mode in Mode::all() {
-        let n = if is_full(&mode) { 1 << 20 } else { 1 << 14 };
+        let n = if mode.is_main() { 1 << 20 } else { 1 << 14 };
         let (mut means, mut exact) = (Means::default(), Vec::new());
         for (light, at, expected) in
             [(lamp(), ORIGIN, 0.25), (lamp(), Vec3::X, 0.1788854382), (sun.clone(), Vec3::X, 0.5)]

@@ -32,9 +32,9 @@ impl Mode {
         BackendKind::available().iter().flat_map(of).collect()
     }
 
-    /// Whether this is the default mode of a backend for use, which gets the full number of samples.
+    /// Whether this is what the build renders with by default: it gets the full number of samples.
     pub fn is_main(&self) -> bool {
-        self.backend != BackendKind::Brute && self.rays == QueryMode::Packet16
+        self.backend == BackendKind::available()[0] && self.rays == QueryMode::Packet16
     }
 
     /// Whether every ray meets every triangle: for small scenes only.
@@ -42,7 +42,7 @@ impl Mode {
         self.backend == BackendKind::Brute
     }
 
-    /// `full` on main modes, `reduced` on the others.
+    /// `full` on the main mode, `reduced` on the others.
     pub fn count<T>(&self, full: T, reduced: T) -> T {
         if self.is_main() { full } else { reduced }
     }

@@ -120,11 +120,6 @@ pub fn delta_of(strategy: Strategy, irradiance: f64, n: u64) -> f64 {
     if strategy == Strategy::BsdfOnly { bernoulli_delta(irradiance / PI, n) } else { delta(n) }
 }
 
-/// The first mode that is meant for use: it gets the full number of samples.
-pub fn is_full(mode: &Mode) -> bool {
-    Mode::all().iter().find(|mode| mode.is_main()).is_some_and(|first| first.name == mode.name)
-}
-
 /// Default options of a strategy in a mode.
 pub fn with(mode: &Mode, strategy: Strategy, seed: u64) -> RenderOptions {
     mode.options(RenderOptions { strategy, seed, ..RenderOptions::default() })

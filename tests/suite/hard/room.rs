@@ -11,7 +11,7 @@ use pathspace::scene::{Projection, Scene};
 
 use super::Case;
 use super::modes::Mode;
-use super::receiver::{Means, is_full};
+use super::receiver::{Means};
 use crate::common::{Estimate, options, single_ray};
 
 /// The unit cube of albedo ½, walls x = 0 (0.2) and x = 1 (0.8), a square lamp in the ceiling that reflects like it.
@@ -99,8 +99,8 @@ fn p07_room_by_bounces() {
         scene.cameras.extend(b.build().cameras);
     }
     for mode in Mode::all() {
-        let spp = if is_full(&mode) { 4 } else { 1 };
-        let side = if is_full(&mode) { 128 } else { 32 };
+        let spp = if mode.is_main() { 4 } else { 1 };
+        let side = if mode.is_main() { 128 } else { 32 };
         let n = u64::from(side * side) * spp;
         // Terms without roulette, so that the late ones are as well known as the first; totals with it.
         let at = |camera: usize, spp: u64, roulette: Roulette| {
@@ -219,7 +219,7 @@ fn p12_bound_on_truncation() {
     scene.cameras = b.build().cameras;
     let left: f64 = FACES_TOTAL[3] - FACES[..4].iter().map(|term| term[3]).sum::<f64>();
     for mode in Mode::all() {
-        let side = if is_full(&mode) { 256 } else { 64 };
+        let side = if mode.is_main() { 256 } else { 64 };
         let sampler = SamplerKind::Independent;
         let render = crate::common::render(
             &scene,

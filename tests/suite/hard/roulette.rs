@@ -12,7 +12,7 @@ use super::Case;
 use super::furnace::{Shape, furnace};
 use super::mis::mirror_beside;
 use super::modes::Mode;
-use super::receiver::{Means, is_full};
+use super::receiver::{Means};
 use super::room::room;
 use crate::common::{Estimate, options, render};
 
@@ -46,7 +46,7 @@ fn p08_mean_and_variance() {
         let (mut means, mut lengths) = (Means::default(), Means::default());
         let mut variances = Vec::new();
         for (rho, q, variance, films, fourth) in known {
-            let side = match (is_full(&mode), films) {
+            let side = match (mode.is_main(), films) {
                 (true, 0) => 128,
                 (true, _) => 512,
                 _ if rho > 0.9 => continue,
@@ -55,7 +55,7 @@ fn p08_mean_and_variance() {
             let scene = furnace(Shape::Cube, Vec3::splat(rho));
             let mut moments = Moments::default();
             let (mut rays, mut begun) = (0, 0);
-            for film in 0..if is_full(&mode) { films.max(1) } else { 1 } {
+            for film in 0..if mode.is_main() { films.max(1) } else { 1 } {
                 let Render { film, counters, .. } =
                     render(&scene, paths(&mode, side, Roulette::Constant(q), 80 + film));
                 film.pixels.iter().for_each(|pixel| moments.push(pixel.mean()[0]));
@@ -111,7 +111,7 @@ fn p09_long_paths() {
     for mode in Mode::all() {
         // (a) With survival ρ the mean number of vertices is 1000, its variance 999,000.
         let scene = furnace(Shape::Cube, Vec3::splat(0.999));
-        let side = if is_full(&mode) { 128 } else { 16 };
+        let side = if mode.is_main() { 128 } else { 16 };
         let film = render(&scene, paths(&mode, side, Roulette::Constant(0.999), 9)).film;
         let n = f64::from(side * side);
         let mut means = Means::default();
@@ -210,7 +210,7 @@ fn p11_roulette_on_or_off() {
         let mut p_values = Vec::new();
         for scene in [&room(), &caustic] {
             let at = |roulette, start, seed| {
-                let spp = if is_full(&mode) { 8 } else { 1 };
+                let spp = if mode.is_main() { 8 } else { 1 };
                 mode.options(RenderOptions {
                     roulette,
                     roulette_start: start,

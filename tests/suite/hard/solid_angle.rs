@@ -14,7 +14,7 @@ use serde_json::json;
 
 use super::Case;
 use super::modes::Mode;
-use super::receiver::{Means, Receiver, is_full, with};
+use super::receiver::{Means, Receiver, with};
 use crate::meter::{Random, lights_of};
 
 /// Cells of a light have at most this share of their distance as a side: the rule's error is then below 1e-7.
@@ -169,7 +169,7 @@ fn l07_distant_sun() {
     };
     let expected = 6.796665596e-05;
     for mode in Mode::all() {
-        let n = if is_full(&mode) {
+        let n = if mode.is_main() {
             1 << 18
         } else if mode.is_brute() {
             1 << 8

@@ -13,7 +13,7 @@ use pathspace_stat::GaussLegendre;
 
 use super::Case;
 use super::modes::Mode;
-use super::receiver::{Means, delta, is_full, polygon_irradiance};
+use super::receiver::{Means, delta, polygon_irradiance};
 use crate::common::{Estimate, options, render, single_ray};
 
 /// Albedo of the wall and radiance of the lamp, by channel.
@@ -159,12 +159,12 @@ fn p04_integrating_sphere() {
     }
     for mode in Mode::all() {
         for roulette in [Roulette::Off, Roulette::On] {
-            let side = match (is_full(&mode), roulette) {
+            let side = match (mode.is_main(), roulette) {
                 (true, Roulette::Off) => 64,
                 (true, _) => 16,
                 _ => 8,
             };
-            if !is_full(&mode) && roulette == Roulette::Off {
+            if !mode.is_main() && roulette == Roulette::Off {
                 continue;
             }
             let at = |camera: usize| {
@@ -175,7 +175,7 @@ fn p04_integrating_sphere() {
                     max_depth: 6,
                     roulette,
                     seed: camera as u64,
-                    ..options(side, side, if is_full(&mode) { 1 } else { 4 })
+                    ..options(side, side, if mode.is_main() { 1 } else { 4 })
                 })
             };
             let mut renderer = Renderer::new(&scene, at(0)).expect("valid options");
@@ -189,7 +189,7 @@ fn p04_integrating_sphere() {
                     let expected: [f64; 3] = std::array::from_fn(|c| of(c) * fine[row - first][k - 1]);
                     let closed: [f64; 3] = std::array::from_fn(|c| of(c) * closed_form(1.0, k));
                     // Near the lamp, and with every bounce, a term spreads more.
-                    let n = u64::from(side * side) * if is_full(&mode) { 1 } else { 4 };
+                    let n = u64::from(side * side) * if mode.is_main() { 1 } else { 4 };
                     let band = delta(n) * 1.5f64.powi(k as i32) * if roulette == Roulette::On { 2.0 } else { 1.0 };
                     points.add_color(
                         format!("term {k}, row {row}, column {column}"),
@@ -279,13 +279,13 @@ fn p14_phase_curve() {
     };
     let absolute = |expected: f64, got: f64, bound: f64| (expected, got, bound / expected);
     for mode in Mode::all() {
-        let (rows, side, bound) = if is_full(&mode) { (64, 512, 1e-4) } else { (12, 128, 1e-3) };
+        let (rows, side, bound) = if mode.is_main() { (64, 512, 1e-4) } else { (12, 128, 1e-3) };
         let flat = phases.map(|(degrees, _)| {
             let a = degrees.to_radians();
             absolute(exact(rows, a), seen(&mode, &moon(rows, false, a), side), bound)
         });
         case.numbers(format!("{} (flat mesh of {rows} rows)", mode.name), flat);
-        if is_full(&mode) {
+        if mode.is_main() {
             let smooth = phases.map(|(degrees, expected)| {
                 absolute(expected, seen(&mode, &moon(256, true, degrees.to_radians()), side), bound)
             });
