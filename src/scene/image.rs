@@ -1,4 +1,4 @@
-//! Decoding of image files: PNG and JPEG to 8-bit RGBA, OpenEXR and Radiance to linear RGB environments.
+//! Decoding of image files: PNG, JPEG and WebP to 8-bit RGBA, OpenEXR and Radiance to linear RGB environments.
 //!
 //! Sizes in headers are checked before anything is allocated: at most 2²⁸ texels (16384²), and never more than the file's
 //! own length can possibly expand to. Colour profiles and gamma chunks are not applied (glTF 2.0 §3.8.3: ignored).
@@ -29,26 +29,36 @@ pub(super) struct Rgba8 {
     pub(super) texels: Arc<[[u8; 4]]>,
 }
 
-/// Decodes a PNG or JPEG; which of them is told by the first bytes. The error says what was expected and found.
+/// Decodes a PNG, JPEG or WebP; which of them is told by the first bytes. The error says what was expected and found.
 pub(super) fn decode_rgba8(bytes: &[u8]) -> Result<Rgba8, String> {
-    let image = decode(bytes, png_or_jpeg(bytes)?)?.into_rgba8();
+    let image = decode(bytes, texture_format(bytes)?)?.into_rgba8();
     let (width, height) = (image.width() as usize, image.height() as usize);
     let texels = image.as_raw().chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2], texel[3]]).collect();
     Ok(Rgba8 { width, height, texels })
 }
 
-/// Texels of a PNG or JPEG by its header, if they may be allocated.
+/// Texels of a PNG, JPEG or WebP by its header, if they may be allocated.
 pub(super) fn texel_count(bytes: &[u8]) -> Result<u64, String> {
     let limits = limits(DECODER_SLACK_BYTES);
-    let (width, height) = open(bytes, png_or_jpeg(bytes)?, limits)?.dimensions();
-    check_size(u64::from(width), u64::from(height), bytes.len())
+    let (width, height) = open(bytes, texture_format(bytes)?, limits)?.dimensions();
+    check_size(u64::from(width), u64::from(height), credited(bytes))
 }
 
-fn png_or_jpeg(bytes: &[u8]) -> Result<ImageFormat, String> {
+/// Length of the file by which its size is judged. A WebP of one colour takes some 30 bytes whatever its size: 16 million
+/// texels are believed of any.
+fn credited(bytes: &[u8]) -> usize {
+    const WEBP_BYTES: usize = 2048;
     match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => Ok(format),
+        Ok(ImageFormat::WebP) => bytes.len().max(WEBP_BYTES),
+        _ => bytes.len(),
+    }
+}
+
+fn texture_format(bytes: &[u8]) -> Result<ImageFormat, String> {
+    match image::guess_format(bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => Ok(format),
         _ => Err(format!(
-            "expected PNG or JPEG, found bytes that begin `{}`",
+            "expected PNG, JPEG or WebP, found bytes that begin `{}`",
             bytes[..bytes.len().min(8)].escape_ascii()
         )),
     }
@@ -56,7 +66,7 @@ fn png_or_jpeg(bytes: &[u8]) -> Result<ImageFormat, String> {
 
 fn decode(bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, String> {
     let (width, height) = open(bytes, format, limits(DECODER_SLACK_BYTES))?.dimensions();
-    let texels = check_size(u64::from(width), u64::from(height), bytes.len())?;
+    let texels = check_size(u64::from(width), u64::from(height), credited(bytes))?;
     let decoder = open(bytes, format, limits(16 * texels + DECODER_SLACK_BYTES))?;
     DynamicImage::from_decoder(decoder).map_err(|reason| broken(format, &reason))
 }
@@ -77,6 +87,7 @@ fn broken(format: ImageFormat, reason: &image::ImageError) -> String {
     let name = match format {
         ImageFormat::Png => "PNG",
         ImageFormat::Jpeg => "JPEG",
+        ImageFormat::WebP => "WebP",
         _ => "Radiance .hdr",
     };
     format!("expected a valid {name}, found {reason}")

@@ -17,13 +17,14 @@ use super::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
 use crate::math::float::UNIT_ROUNDOFF;
 use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::material::Material;
-use crate::scene::{ColorSpace, Texture};
+use crate::scene::{AlphaMode, ColorSpace, Texture};
 
 /// What a material emits.
 #[derive(Clone, Copy, Debug)]
 pub struct Emission {
     /// Radiance of the front side; to be multiplied by the texture where there is one.
     radiance: Vec3,
+    /// Whether the radiance depends on the place: it has a texture, or the emitter is not there everywhere.
     textured: bool,
     /// Mean over channels and over the texture: what the intensity of a triangle is computed from.
     mean: f64,
@@ -41,7 +42,8 @@ impl Emission {
             Some(texture) => channel_mean(material.emissive * texture_mean(texture)),
             None => channel_mean(material.emissive),
         };
-        Some(Emission { radiance: material.emissive, textured: texture.is_some(), mean })
+        let textured = texture.is_some() || material.effective_alpha(textures) != AlphaMode::Opaque;
+        Some(Emission { radiance: material.emissive, textured, mean })
     }
 
     /// Radiance of the front side, before a texture.
@@ -50,7 +52,7 @@ impl Emission {
         self.radiance
     }
 
-    /// Whether a texture has to be multiplied in.
+    /// Whether a texture or a coverage has to be multiplied in.
     pub fn is_textured(&self) -> bool {
         self.textured
     }

@@ -32,7 +32,8 @@ pub struct LightSample {
     pub target: Option<LightPoint>,
     /// Radiance arriving along −wi. For delta lights: W/m² per unit of |cos| (intensity/d², or irradiance).
     pub radiance: Vec3,
-    /// Where an emission texture has to be looked up and multiplied into `radiance`; `None` where that is complete.
+    /// Where an emission texture, and whether the emitter is there, has to be looked up and multiplied into `radiance`;
+    /// `None` where that is complete.
     pub texture_point: Option<TexturePoint>,
     /// Density of the choice of light and direction together, sr⁻¹. For delta lights the selection probability alone.
     pub pdf_sa: f32,

@@ -5,18 +5,33 @@
 //! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
+mod alpha;
 mod area_lights;
+mod degenerate;
 mod environment;
+mod filters;
+mod frames;
+mod fresnel;
 mod furnace;
+mod glass;
+mod input;
+mod invariance;
+mod lens;
 mod many_lights;
+mod microfacet;
 mod mis;
 mod modes;
+mod normals;
 mod receiver;
 pub mod room;
 mod roulette;
 mod solid_angle;
+mod spawn;
 mod spheres;
 mod table;
+mod transforms;
+mod watertight;
+mod white_furnace;
 
 use std::fmt::Display;
 use std::path::PathBuf;

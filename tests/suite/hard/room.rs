@@ -15,7 +15,7 @@ use super::receiver::{Means};
 use crate::common::{Estimate, options, single_ray};
 
 /// The unit cube of albedo ½, walls x = 0 (0.2) and x = 1 (0.8), a square lamp in the ceiling that reflects like it.
-pub fn room() -> Scene {
+pub fn lamp_room() -> Scene {
     let mut b = SceneBuilder::new();
     let [grey, dark, bright] = [0.5, 0.2, 0.8].map(|albedo| b.lambert(Vec3::splat(albedo)));
     let lamp = b.emitter(Vec3::splat(0.5), Vec3::ONE);
@@ -36,7 +36,7 @@ pub fn room() -> Scene {
     b.build()
 }
 
-/// Faces of [`room`] in the order of [`FACES`], by the direction in which they are seen: x = 0, x = 1, y = 0, floor, ceiling
+/// Faces of [`lamp_room`] in the order of [`FACES`], by the direction in which they are seen: x = 0, x = 1, y = 0, floor, ceiling
 /// (y = 1 is as y = 0).
 const SEEN: [Vec3; 5] = [Vec3::NEG_X, Vec3::X, Vec3::NEG_Y, Vec3::NEG_Z, Vec3::Z];
 /// Their albedo, and how many there are of the kind.
@@ -87,7 +87,7 @@ fn term_delta(k: usize, n: u64) -> f64 {
 #[test]
 fn p07_room_by_bounces() {
     let mut case = Case::open("P07", "box scene against the operator solver", "Neumann series of a room, per bounce");
-    let mut scene = room();
+    let mut scene = lamp_room();
     for (point, direction) in POINTS {
         scene.cameras.push(single_ray(Vec3::from(point) - direction * 0.25, direction));
     }
@@ -190,7 +190,7 @@ fn two_runs(runs: [Vec<[f64; 3]>; 2]) -> Estimate {
 #[test]
 fn p12_bound_on_truncation() {
     let mut case = Case::open("P12", "spectral-radius bound on truncation", "what is said of a depth limit");
-    let scene = room();
+    let scene = lamp_room();
     // Rigorous: ρ^(M+1) Le/(1-ρ) with the largest albedo, as the plan states it.
     let stated = [1u32, 2, 4, 8, 16].map(|scatterings| {
         let options = RenderOptions { max_depth: scatterings + 1, ..options(8, 8, 1) };

@@ -13,7 +13,7 @@ use super::furnace::{Shape, furnace};
 use super::mis::mirror_beside;
 use super::modes::Mode;
 use super::receiver::{Means};
-use super::room::room;
+use super::room::lamp_room;
 use crate::common::{Estimate, options, render};
 
 /// BSDF sampling in a furnace, a pixel a sample.
@@ -208,7 +208,7 @@ fn p11_roulette_on_or_off() {
     ];
     for mode in Mode::all() {
         let mut p_values = Vec::new();
-        for scene in [&room(), &caustic] {
+        for scene in [&lamp_room(), &caustic] {
             let at = |roulette, start, seed| {
                 let spp = if mode.is_main() { 8 } else { 1 };
                 mode.options(RenderOptions {
