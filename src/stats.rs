@@ -9,7 +9,9 @@ use crate::backend::BackendInfo;
 use crate::plan::{Bias, Effects, RenderPlan};
 use crate::render::target::{CONFIDENCE, QUANTILES};
 use crate::render::{Render, RenderOptions};
-use crate::scene::Scene;
+use crate::scene::{Scene, Texels};
+use crate::texture::TextureStats;
+use crate::wavefront::Counters;
 
 /// Version of the keys below.
 pub const SCHEMA: u32 = 1;
@@ -65,6 +67,34 @@ pub struct Stats {
     pub film_hash: String,
     /// What the pilot of an error target predicted; `null` without a target, or when it was met before the pilot ended.
     pub prediction: Option<PredictionStats>,
+    /// Textures: how often they were looked up, and what the tile cache did.
+    pub textures: TextureRecord,
+}
+
+/// Textures of a render.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TextureRecord {
+    /// Look-ups, of one to four texels each.
+    pub lookups: u64,
+    /// Bytes of texels in memory besides the cache.
+    pub held_bytes: u64,
+    /// The tile cache; zeros where everything is in memory.
+    #[serde(flatten)]
+    pub cache: TextureStats,
+}
+
+impl TextureRecord {
+    fn of(scene: &Scene, counters: &Counters) -> Self {
+        let (mut seen, mut held_bytes): (Vec<&Texels>, u64) = (Vec::new(), 0);
+        for texture in &scene.textures {
+            if !seen.iter().any(|texels| texels.shares(&texture.texels)) {
+                seen.push(&texture.texels);
+                held_bytes += texture.texels.bytes();
+            }
+        }
+        let cache = scene.textures.iter().find_map(|texture| texture.texels.cache_stats()).unwrap_or_default();
+        TextureRecord { lookups: counters.texture_lookups, held_bytes, cache }
+    }
 }
 
 /// Counts of a scene.
@@ -312,6 +342,7 @@ impl Stats {
                 taken_s: seconds.render,
                 taken_spp: spp.min,
             }),
+            textures: TextureRecord::of(scene, counters),
         }
     }
 }

@@ -12,6 +12,7 @@ use crate::film::aov::Aov;
 use crate::film::filter::FilterKind;
 use crate::plan::options::ROULETTE_START;
 use crate::render::Crop;
+use crate::texture::load as loading;
 
 /// Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
 #[derive(Debug, Parser)]
@@ -157,6 +158,10 @@ pub struct SettingsArgs {
     #[command(flatten)]
     pub environment: EnvironmentArgs,
 
+    /// Textures.
+    #[command(flatten)]
+    pub textures: TextureArgs,
+
     /// Longest path in edges; 1 shows emitters only
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
     pub max_depth: u32,
@@ -211,6 +216,27 @@ pub struct EnvironmentArgs {
     pub env_intensity: f32,
 }
 
+/// How images become textures, as `render` and `info` take it.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct TextureArgs {
+    /// Memory of decoded textures, MB (2^20 bytes). If they need more, the largest stay in their files behind a cache of tiles: the
+    /// same picture, later. Files in tiles (.tx by maketx, tiled EXR) are looked up where they are, others are copied to TMPDIR first
+    #[arg(long, value_name = "MB", default_value_t = loading::DEFAULT_BYTES >> 20, value_parser = clap::value_parser!(u64).range(loading::LEAST_BYTES >> 20..=1 << 24), help_heading = "Textures")]
+    pub texture_memory: u64,
+    /// What an image does that is missing, broken or not finite: end the load with an error, or a warning and magenta in its place
+    #[arg(long, value_enum, default_value = "error", help_heading = "Textures")]
+    pub missing_texture: MissingTextureName,
+}
+
+/// Values of `--missing-texture`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MissingTextureName {
+    /// The load fails
+    Error,
+    /// A warning; colours are magenta, other data change nothing
+    Magenta,
+}
+
 /// `info`.
 #[derive(Debug, Args)]
 #[command(allow_negative_numbers = true)]
@@ -223,6 +249,9 @@ pub struct InfoArgs {
     /// The environment.
     #[command(flatten)]
     pub environment: EnvironmentArgs,
+    /// Textures.
+    #[command(flatten)]
+    pub textures: TextureArgs,
     /// Extra channels as `render` takes them, to see what they add to the plan
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser())]
     pub aov: Vec<Aov>,

@@ -14,7 +14,7 @@ pub mod estimator;
 pub mod factors;
 pub mod first_hit;
 pub mod general;
-#[allow(unsafe_code)] // Fence 2 of 2: calls into code compiled for AVX-512.
+#[allow(unsafe_code)] // Fence 3 of 3: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
 pub mod light_sample;
@@ -41,6 +41,7 @@ use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
+use crate::texture;
 use capped::Capped;
 use general::Surfaces;
 use isa::Isa;
@@ -113,6 +114,8 @@ pub struct Counters {
     pub capped_paths: u64,
     /// What those could still have carried.
     pub capped: Capped,
+    /// Look-ups of textures.
+    pub texture_lookups: u64,
 }
 
 impl Counters {
@@ -132,6 +135,7 @@ impl Counters {
         self.nonfinite += other.nonfinite;
         self.capped_paths += other.capped_paths;
         self.capped.merge(&other.capped);
+        self.texture_lookups += other.texture_lookups;
         other.nonfinite_first.iter().for_each(|&met| self.list(met));
     }
 
@@ -226,5 +230,6 @@ fn run_inline<S: Scheme, I: Isa>(
         edge += 1;
     }
     counters.capped.merge(&std::mem::take(&mut wave.sums.capped));
+    counters.texture_lookups += texture::take_lookups();
     accumulate::samples(chunk, wave, pixels, counters);
 }

@@ -16,6 +16,7 @@ mod environments;
 mod estimate;
 mod film;
 mod hard;
+mod images;
 mod invariance;
 mod layers;
 mod ledger;
