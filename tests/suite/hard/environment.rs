@@ -101,7 +101,7 @@ fn l13_analytic() {
     for mode in Mode::all() {
         let n = if mode.is_main() { 1 << 16 } else { 1 << 13 };
         let mut means = Means::default();
-        for (i, &a) in compass.iter().enumerate().step_by(if mode.is_main() { 1 } else { 5 }) {
+        for (i, &a) in compass.iter().enumerate().step_by(if mode.is_main() { 1 } else { 9 }) {
             let normal = compass[(7 * i + 3) % 26];
             let Analytic { name, map, expected } = if i % 2 == 0 { linear(a) } else { quadratic(a) };
             let sky = |b: &mut SceneBuilder| {

@@ -105,11 +105,11 @@ fn p01_closed_furnace() {
     let mut case = Case::open("P01", "closed furnace of any shape", "the whole rendering equation");
     // The number of vertices has the variance ρ/(1-ρ)², so every pixel's z is known.
     let rooms = [
-        (0.5f32, Shape::Corner, CameraChoice::First, 1536),
+        (0.5f32, Shape::Corner, CameraChoice::First, 1024),
         (0.5, Shape::Corner, PARALLEL, 256),
-        (0.8, Shape::Sphere, CameraChoice::First, 256),
-        (0.9, Shape::Cube, PARALLEL, 256),
-        (0.99, Shape::Ring, CameraChoice::First, 16),
+        (0.8, Shape::Sphere, CameraChoice::First, 128),
+        (0.9, Shape::Cube, PARALLEL, 128),
+        (0.99, Shape::Ring, CameraChoice::First, 8),
         (0.999, Shape::Cube, CameraChoice::First, 1),
     ];
     for mode in Mode::all() {
@@ -127,7 +127,7 @@ fn p01_closed_furnace() {
             // The known deviation, and a tenth for its estimate from 4096 pixels.
             let band = 1.1 * 4.9 * (variance / n).sqrt() / expected;
             case.mean(&on, [expected; 3], 1e-6 * expected * expected, band, &Estimate::of_pixels(&film));
-            if spp > 1000 {
+            if spp >= 1024 {
                 let error = (variance / spp as f64).sqrt();
                 case.picture(on, film.pixels.iter().map(|pixel| (pixel.mean()[0], expected, error)));
             }
@@ -242,9 +242,9 @@ fn p05_infinite_plates() {
             for (what, x, y) in points {
                 for (towards, expected) in pairs {
                     let n = match (mode.is_main(), what) {
-                        (true, "centre") => 1 << 16,
-                        (true, _) => 1 << 14,
-                        _ => 1 << 10,
+                        (true, "centre") => 1 << 15,
+                        (true, _) => 1 << 13,
+                        _ => 1 << 9,
                     };
                     let options = RenderOptions { max_depth: 4096, ..with(&mode, Strategy::MisPower, 5) };
                     let (pixels, options) = spread(n, options);

@@ -17,11 +17,11 @@ use pathspace::{Error, Result};
 use serde_json::{Value, json};
 
 use super::Case;
+use super::room::lamp_room;
 use crate::common::{Estimate, options, probe, render};
 use crate::conformance::shapes::{Rng, mesh, soup, world};
 use crate::conformance::{Row, TestRay, any, bits, closest, each_backend, variants};
 use crate::loading::fixture::{Fixture, write};
-use super::room::lamp_room;
 
 fn on(row: &Row, options: RenderOptions) -> RenderOptions {
     RenderOptions { backend: Some(row.kind), rays: Some(row.mode), ..options }

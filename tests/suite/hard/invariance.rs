@@ -9,11 +9,11 @@ use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{Environment, PunctualKind, Scene};
 
 use super::Case;
+use super::room::lamp_room;
 use crate::common::{options, probe, render};
 use crate::conformance::shapes::Rng;
 use crate::conformance::{Row, variants};
 use crate::loading::fixture::Fixture;
-use super::room::lamp_room;
 
 /// Reflected radiance of P07 at the floor's centre and at the centre of the wall x = 1.
 const FLOOR_CENTER: f64 = 0.056_927_479_275_137_25;

@@ -11,7 +11,7 @@ use pathspace::scene::{Projection, Scene};
 
 use super::Case;
 use super::modes::Mode;
-use super::receiver::{Means};
+use super::receiver::Means;
 use crate::common::{Estimate, options, single_ray};
 
 /// The unit cube of albedo ½, walls x = 0 (0.2) and x = 1 (0.8), a square lamp in the ceiling that reflects like it.

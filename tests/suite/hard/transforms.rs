@@ -37,7 +37,9 @@ fn leaning(n: u32, x: f32, smooth: bool) -> Scene {
         triangles: triangles.collect(),
         positions,
         uvs: None,
+        more_uvs: Vec::new(),
         tangents: None,
+        colors: None,
         material: white,
     };
     let mesh = b.full_mesh(mesh);
