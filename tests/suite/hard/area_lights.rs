@@ -1,7 +1,7 @@
 //! Area lights: polygons, discs and spheres over a receiver, cut by its horizon, touching it, seen from behind. Each by BSDF
 //! sampling, light sampling and both.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 
 use glam::{DVec3, Vec3};
 use pathspace::plan::options::{RenderOptions, Strategy};
@@ -151,7 +151,7 @@ fn l04_disc() {
     let mut case =
         Case::open("L04", "disc light (fan of 1024 triangles)", "off-axis closed form, choice among triangles");
     let offsets =
-        [(0.0, 1.570796327), (0.5, 1.375963021), (1.0, 0.8683148537), (2.0, 0.1658333806), (5.0, 0.005002548777)];
+        [(0.0, FRAC_PI_2), (0.5, 1.375963021), (1.0, 0.8683148537), (2.0, 0.1658333806), (5.0, 0.005002548777)];
     for mode in Mode::all() {
         let mut means = Means::default();
         for (offset, expected) in offsets {
@@ -185,8 +185,8 @@ fn sphere_irradiance(s: f64, theta: f64) -> f64 {
 fn l05_sphere() {
     let mut case = Case::open("L05", "sphere light (mesh of 3968 triangles)", "horizon cut, large and small spheres");
     let positions = [
-        (0.5, 0.0, 0.785398163),
-        (0.5, 60.0, 0.392699082),
+        (0.5, 0.0, FRAC_PI_4),
+        (0.5, 60.0, FRAC_PI_8),
         (0.5, 75.0, 0.22120088),
         (0.5, 90.0, 0.0905860737),
         (0.5, 105.0, 0.0179248774),

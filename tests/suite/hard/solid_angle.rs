@@ -1,7 +1,7 @@
 //! Solid angles of lights. The renderer does not sample by them: it draws points by area and converts their density, so the
 //! solid angle is what 1/pdf adds up to over the light. It is summed by quadrature: no statistics.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DVec3, Vec3};
 use pathspace::math::warp::cap_solid_angle;
@@ -202,7 +202,7 @@ fn l11_extreme_triangles() {
         ("legs 1e-3", legs(1e-3), 4.999997975e-07, 1e-6),
         ("legs 1e-4", legs(1e-4), 4.999999722e-09, 1e-6),
         ("legs 1e-5", legs(1e-5), 4.999999747e-11, 1e-6),
-        ("octant", [Vec3::X, Vec3::Y, Vec3::Z], 1.570796327, 1e-6),
+        ("octant", [Vec3::X, Vec3::Y, Vec3::Z], FRAC_PI_2, 1e-6),
         ("near a hemisphere, 1e-4", around(1e-4), 6.282146077, 1e-6),
         ("near a hemisphere, 1e-2", around(1e-2), 6.179277845, 1e-6),
         ("sliver", [v(-0.5, 0.0, 0.01), v(0.5, 0.0, 0.01), v(0.5, 1e-4, 0.01)], 0.009997917189, 2e-4),
