@@ -287,9 +287,9 @@ fn p14_phase_curve() {
         case.numbers(format!("{} (flat mesh of {rows} rows)", mode.name), flat);
         if mode.is_main() {
             let smooth = phases.map(|(degrees, expected)| {
-                absolute(expected, seen(&mode, &moon(128, true, degrees.to_radians()), side), bound)
+                absolute(expected, seen(&mode, &moon(256, true, degrees.to_radians()), side), bound)
             });
-            case.numbers(format!("{} (smooth mesh of 128 rows)", mode.name), smooth);
+            case.numbers(format!("{} (smooth mesh of 256 rows)", mode.name), smooth);
         }
     }
     case.close();
