@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use glam::{Affine3A, Vec3};
+use pathspace::film::Film;
 use pathspace::plan::options::{CameraChoice, FilterKind, RenderOptions, SamplerKind};
 use pathspace::render::{Render, Renderer};
 use pathspace::scene::{Camera, Projection, Scene};
@@ -31,7 +32,7 @@ pub fn render(scene: &Scene, options: RenderOptions) -> Render {
 }
 
 /// Means of independent estimates: count, mean and the variance of one estimate, per channel.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Estimate {
     /// Number of independent estimates.
     pub n: f64,
@@ -51,9 +52,23 @@ impl Estimate {
         Estimate { n, mean, variance }
     }
 
+    /// From the pixels of a film whose filter is a box.
+    pub fn of_pixels(film: &Film) -> Self {
+        Estimate::of(film.pixels.iter().map(|pixel| {
+            let [r, g, b, _] = pixel.mean();
+            [r, g, b]
+        }))
+    }
+
     /// From the moments of one number.
     pub fn of_moments(moments: &Moments) -> Self {
         Estimate { n: moments.n as f64, mean: [moments.mean; 3], variance: [moments.variance(); 3] }
+    }
+
+    /// The same estimates times `factor`.
+    pub fn scaled(self, factor: f64) -> Self {
+        let Estimate { n, mean, variance } = self;
+        Estimate { n, mean: mean.map(|m| m * factor), variance: variance.map(|v| v * factor * factor) }
     }
 
     /// Standard error of the mean.
@@ -86,11 +101,7 @@ impl Estimate {
 /// The radiance probe: `n` independent samples of the radiance that arrives at `origin` from `direction`. Each pixel of
 /// an image whose rays are all the same is one sample with a seed of its own.
 pub fn probe(scene: &Scene, origin: Vec3, direction: Vec3, n: u32, options: RenderOptions) -> Estimate {
-    let film = probe_film(scene, origin, direction, n, options).film;
-    Estimate::of(film.pixels.iter().map(|p| {
-        let m = p.mean();
-        [m[0], m[1], m[2]]
-    }))
+    Estimate::of_pixels(&probe_film(scene, origin, direction, n, options).film)
 }
 
 /// The render behind [`probe`].
@@ -113,7 +124,7 @@ pub fn probe_film(scene: &Scene, origin: Vec3, direction: Vec3, n: u32, options:
 }
 
 /// A camera whose rays are all the same: parallel, with a film too small to move an origin.
-fn single_ray(origin: Vec3, direction: Vec3) -> Camera {
+pub fn single_ray(origin: Vec3, direction: Vec3) -> Camera {
     let back = -direction.as_dvec3().normalize();
     let right = back.any_orthonormal_vector();
     Camera {

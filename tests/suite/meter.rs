@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use pathspace::scene::geometry::{Geometry, NO_ATTRIBUTES, Triangle, TriangleMesh};
 use pathspace::scene::{Environment, Material, Scene};
 use pathspace::shading::light::Lights;
+use pathspace_stat::Moments;
 
 /// SplitMix64 (Steele et al. 2014): independent of the samplers under test.
 pub struct Random(pub u64);
@@ -32,37 +33,6 @@ impl Random {
         let (z, phi) = (2.0 * f64::from(self.unit()) - 1.0, 2.0 * PI * f64::from(self.unit()));
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * phi.cos(), r * phi.sin(), z).as_vec3()
-    }
-}
-
-#[derive(Default)]
-pub struct Moments {
-    count: f64,
-    pub mean: f64,
-    pub m2: f64,
-}
-
-impl Moments {
-    pub fn add(&mut self, value: f64) {
-        self.count += 1.0;
-        let delta = value - self.mean;
-        self.mean += delta / self.count;
-        self.m2 += delta * (value - self.mean);
-    }
-
-    pub fn variance(&self) -> f64 {
-        self.m2 / (self.count - 1.0)
-    }
-
-    /// HARDCASES class T1.
-    pub fn expect(&self, what: &str, expected: f64, tau: f64, power: f64) {
-        let band = 4.9 * (self.variance() / self.count).sqrt();
-        let (found, z) = (self.mean, (self.mean - expected) / (band / 4.9));
-        assert!(
-            (found - expected).abs() <= band + tau * expected.abs(),
-            "{what}: {found}, expected {expected}, z = {z}"
-        );
-        assert!(band <= power * expected.abs(), "{what}: the band {band} cannot see a bias of {power} of {expected}");
     }
 }
 
@@ -124,7 +94,7 @@ pub fn irradiance(lights: &Lights, p: Vec3, n: Vec3, samples: u32, seed: u64) ->
             f64::from(sample.radiance.x) * f64::from(sample.wi.dot(n).max(0.0)) / f64::from(sample.pdf_sa)
         });
         assert!(value >= 0.0 && value.is_finite());
-        moments.add(value);
+        moments.push(value);
     }
     moments
 }

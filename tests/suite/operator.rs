@@ -1,5 +1,5 @@
-//! The deterministic solver and the path tracer against closed forms, published numbers, and each other (HARDCASES §4.3,
-//! P02, P04, P07, P12). The solver has no randomness; comparisons with the path tracer are at 4.9 standard errors (10⁻⁶)
+//! The deterministic solver against closed forms, published numbers and the path tracer (HARDCASES §4.3; the path tracer by
+//! itself is in `hard`). The solver has no randomness; comparisons with the path tracer are at 4.9 standard errors (10⁻⁶)
 //! each, plus the solver's own interval.
 
 use glam::Vec3;
@@ -8,12 +8,13 @@ use pathspace::plan::options::RenderOptions;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::Geometry;
 use pathspace::scene::ids::MeshId;
-use pathspace::scene::{Material, Projection, Scene};
+use pathspace::scene::{Material, Scene};
 use pathspace::verify::operator;
 use pathspace::verify::patches::Patch;
 use pathspace::verify::{self, Solution, Verification, VerifyOptions};
 
-use crate::common::{options, render, shared};
+use crate::common::shared;
+use crate::hard::room::{FACES, lamp_room};
 use crate::ledger::stats;
 
 fn backend_of(scene: &Scene) -> Box<dyn Backend> {
@@ -25,40 +26,6 @@ fn solve(scene: &Scene, patches: usize) -> [Solution; 3] {
     let backend = backend_of(scene);
     [1, 2, 3].map(|fineness| verify::solve(scene, backend.as_ref(), patches, fineness).expect("a diffuse scene"))
 }
-
-/// HARDCASES P07: a unit cube of albedo 0.5, walls x = 0 (0.2) and x = 1 (0.8), a square lamp in the ceiling.
-pub fn p07() -> Scene {
-    let mut b = SceneBuilder::new();
-    let [grey, dark, bright] = [0.5, 0.2, 0.8].map(|albedo| b.lambert(Vec3::splat(albedo)));
-    let lamp = b.emitter(Vec3::splat(0.5), Vec3::ONE);
-    let v = Vec3::new;
-    b.quad([v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(1.0, 1.0, 0.0), v(0.0, 1.0, 0.0)], grey);
-    b.quad([v(0.0, 0.0, 0.0), v(0.0, 1.0, 0.0), v(0.0, 1.0, 1.0), v(0.0, 0.0, 1.0)], dark);
-    b.quad([v(1.0, 0.0, 0.0), v(1.0, 0.0, 1.0), v(1.0, 1.0, 1.0), v(1.0, 1.0, 0.0)], bright);
-    b.quad([v(0.0, 0.0, 0.0), v(0.0, 0.0, 1.0), v(1.0, 0.0, 1.0), v(1.0, 0.0, 0.0)], grey);
-    b.quad([v(0.0, 1.0, 0.0), v(1.0, 1.0, 0.0), v(1.0, 1.0, 1.0), v(0.0, 1.0, 1.0)], grey);
-    // The ceiling around the lamp: three by three rectangles, the middle one shines.
-    let cuts = [0.0, 0.25, 0.75, 1.0];
-    for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
-        let (x0, x1, y0, y1) = (cuts[i], cuts[i + 1], cuts[j], cuts[j + 1]);
-        let material = if (i, j) == (1, 1) { lamp } else { grey };
-        b.quad([v(x0, y0, 1.0), v(x0, y1, 1.0), v(x1, y1, 1.0), v(x1, y0, 1.0)], material);
-    }
-    b.camera(v(0.5, 0.05, 0.5), v(0.5, 1.0, 0.4), Vec3::Z, 1.2);
-    b.build()
-}
-
-/// Mean reflected radiance of the faces of P07 by term 1 … 8: x = 0, x = 1, y = 0, floor, ceiling (y = 1 is as y = 0).
-const P07_FACES: [[f64; 5]; 8] = [
-    [0.0096442397, 0.038576959, 0.024110599, 0.028557603, 0.0],
-    [0.0046575636, 0.01381883, 0.010140339, 0.0083994679, 0.013539177],
-    [0.0021308332, 0.0079576285, 0.0050619178, 0.0054207463, 0.0045026751],
-    [0.0010637595, 0.0037652619, 0.0025103035, 0.0024297913, 0.0026047737],
-    [0.00051750294, 0.0019191059, 0.001237933, 0.0012547487, 0.0012182836],
-    [0.00025670787, 0.00094506217, 0.00061509839, 0.00061163236, 0.00061849083],
-    [0.00012682244, 0.0004718042, 0.00030479175, 0.00030561122, 0.00030391657],
-    [6.291706e-05, 0.00023392937, 0.00015134653, 0.00015119742, 0.00015147997],
-];
 
 /// Which face of P07 a patch lies on, in the order of the table.
 fn face(patch: &Patch) -> Option<usize> {
@@ -82,10 +49,10 @@ fn face_means(solution: &Solution, k: usize) -> [f64; 5] {
 /// solver's own interval, formed as `verify` forms it, must hold the table's values, and be worth something.
 #[test]
 fn the_solver_meets_the_published_room() {
-    let [coarse, middle, fine] = solve(&p07(), 1500);
+    let [coarse, middle, fine] = solve(&lamp_room(), 1500);
     assert!((fine.largest_row - 1.0).abs() < 1e-12, "a row of a closed convex room sums to {}", fine.largest_row);
     let mut interval = 0.0f64;
-    for (k, expected) in P07_FACES.iter().enumerate() {
+    for (k, expected) in FACES.iter().enumerate() {
         let [low, mid, high] = [&coarse, &middle, &fine].map(|solution| face_means(solution, k + 1));
         for face in (0..5).filter(|&face| expected[face] > 0.0) {
             let (step, half_step) = ((high[face] - low[face]).abs(), (high[face] - mid[face]).abs());
@@ -106,36 +73,6 @@ fn the_solver_meets_the_published_room() {
         let left: f64 = (last + 1..fine.series.terms.len()).map(power).sum();
         let predicted = power(last) * ratio / (1.0 - ratio);
         assert!((predicted / left - 1.0).abs() < 0.05, "after {last} terms: {predicted} for {left}");
-    }
-}
-
-/// P07 by the path tracer alone, term by term, against the table: face means through parallel cameras that see exactly a
-/// face. 40 comparisons at 10⁻⁶.
-#[test]
-fn the_path_tracer_meets_the_published_room() {
-    let v = Vec3::new;
-    let middle = Vec3::splat(0.5);
-    let directions = [v(-1.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(0.0, -1.0, 0.0), v(0.0, 0.0, -1.0), v(0.0, 0.0, 1.0)];
-    for (face, direction) in directions.into_iter().enumerate() {
-        let mut scene = p07();
-        let mut b = SceneBuilder::new();
-        let up = if direction.z == 0.0 { Vec3::Z } else { Vec3::Y };
-        let projection = Projection::Orthographic { xmag_m: 0.5, ymag_m: 0.5 };
-        b.any_camera(middle - 0.49 * direction, middle, up, projection);
-        scene.cameras = b.build().cameras;
-        let runs = [1, 2].map(|seed| {
-            let options = RenderOptions { per_length: true, seed, ..options(32, 32, 128) };
-            render(&scene, options).lengths.expect("asked for")
-        });
-        for (k, expected) in P07_FACES.iter().enumerate() {
-            let [a, b] = [0, 1].map(|run| runs[run].image(k + 2));
-            let n = a.len() as f64;
-            let mean = a.iter().zip(&b).map(|(a, b)| 0.5 * (a[0] + b[0])).sum::<f64>() / n;
-            let error = (a.iter().zip(&b).map(|(a, b)| (0.5 * (a[0] - b[0])).powi(2)).sum::<f64>()).sqrt() / n;
-            let (limit, expected) = (4.9 * error + 2e-6 * expected[face], expected[face]);
-            assert!((mean - expected).abs() <= limit, "term {}, face {face}: {mean} ± {error} for {expected}", k + 1);
-            assert!(k >= 4 || limit <= 0.05 * expected, "term {}, face {face}: too noisy, {limit}", k + 1);
-        }
     }
 }
 

@@ -17,11 +17,11 @@ use pathspace::{Error, Result};
 use serde_json::{Value, json};
 
 use super::Case;
+use super::room::lamp_room;
 use crate::common::{Estimate, options, probe, render};
 use crate::conformance::shapes::{Rng, mesh, soup, world};
 use crate::conformance::{Row, TestRay, any, bits, closest, each_backend, variants};
 use crate::loading::fixture::{Fixture, write};
-use crate::operator::p07;
 
 fn on(row: &Row, options: RenderOptions) -> RenderOptions {
     RenderOptions { backend: Some(row.kind), rays: Some(row.mode), ..options }
@@ -319,7 +319,7 @@ fn i04_cameras_in_unusual_places() {
     /// Reflected radiance of P07's ceiling at (0.1, 0.1).
     const CEILING: f64 = 0.016_967_786_229_074_404;
     let v = Vec3::new;
-    let room = p07();
+    let room = lamp_room();
     let mut upwards = room.clone();
     let mut b = SceneBuilder::new();
     b.camera(v(0.5, 0.375, 0.0), v(0.5, 0.375, 1.0), Vec3::Y, 2.0);

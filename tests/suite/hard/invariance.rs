@@ -9,11 +9,11 @@ use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{Environment, PunctualKind, Scene};
 
 use super::Case;
+use super::room::lamp_room;
 use crate::common::{options, probe, render};
 use crate::conformance::shapes::Rng;
 use crate::conformance::{Row, variants};
 use crate::loading::fixture::Fixture;
-use crate::operator::p07;
 
 /// Reflected radiance of P07 at the floor's centre and at the centre of the wall x = 1.
 const FLOOR_CENTER: f64 = 0.056_927_479_275_137_25;
@@ -24,7 +24,7 @@ const PATHS: u32 = 170_000;
 
 /// P07 with its positions mapped in f64 and rounded once.
 fn room(place: impl Fn(DVec3) -> DVec3) -> Scene {
-    let mut scene = p07();
+    let mut scene = lamp_room();
     for p in scene.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions) {
         *p = place(p.as_dvec3()).as_vec3();
     }
@@ -197,7 +197,7 @@ fn recentred(scene: &Scene, by: DVec3) -> Scene {
 /// P07 × 256 as a file: `vertices` is added to the positions, `node` to their node. The camera stands under the node too.
 fn as_gltf(vertices: DVec3, node: DVec3) -> Fixture {
     use serde_json::json;
-    let scene = p07();
+    let scene = lamp_room();
     let mut fixture = Fixture::quad();
     let mut primitives = Vec::new();
     for mesh in &scene.meshes {

@@ -6,19 +6,29 @@
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
 mod alpha;
+mod area_lights;
 mod degenerate;
+mod environment;
 mod filters;
 mod frames;
 mod fresnel;
+mod furnace;
 mod glass;
 mod grazing;
 mod input;
 mod invariance;
 mod lens;
+mod many_lights;
 mod microfacet;
+mod mis;
 mod modes;
 mod normals;
+mod receiver;
+pub mod room;
+mod roulette;
+mod solid_angle;
 mod spawn;
+mod spheres;
 mod table;
 mod transforms;
 mod watertight;

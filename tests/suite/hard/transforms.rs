@@ -38,8 +38,8 @@ fn leaning(n: u32, x: f32, smooth: bool) -> Scene {
         positions,
         uvs: None,
         more_uvs: Vec::new(),
-        colors: None,
         tangents: None,
+        colors: None,
         material: white,
     };
     let mesh = b.full_mesh(mesh);
