@@ -41,15 +41,10 @@ impl Material {
             return AlphaMode::Opaque;
         }
         let texture = self.base_color_texture.and_then(|slot| textures.get(slot.texture.index()));
-        let varies = self.vertex_colors || texture.is_some_and(has_alpha);
+        let varies = self.vertex_colors || texture.is_some_and(|texture| texture.texels.may_have_alpha());
         let covered = self.alpha_mode.coverage(self.base_alpha) >= 1.0;
         if covered && (!varies || self.alpha_mode.coverage(0.0) >= 1.0) { AlphaMode::Opaque } else { self.alpha_mode }
     }
-}
-
-/// Whether some texel is not opaque.
-fn has_alpha(texture: &Texture) -> bool {
-    texture.texels.iter().any(|texel| texel[3] < u8::MAX)
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 //! instanced at one level. Each triangle has one 64-byte record (a cache line) with everything flat shading needs;
 //! vertex attributes are looked up only where the plan shades with them.
 
+use std::collections::HashSet;
+
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3, Vec4};
 
 use super::{Instance, Material, Mesh, Scene};
@@ -16,6 +18,14 @@ pub const BAKE_MESH_TRIANGLES: usize = 1024;
 
 /// Baked copies of repeated meshes may have this many triangles together (about 160 B each with their hierarchy).
 pub const BAKE_TRIANGLE_BUDGET: u64 = 1 << 20;
+
+/// A ray thinner than an f32 direction can express cannot tell a triangle from a line once its height is below 2⁻⁴⁰ of
+/// its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the edge's length.
+const LINE_HEIGHT: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// Largest coordinate, metres: beyond it the squares in ray–triangle tests overflow f32 (√f32::MAX ≈ 1.8e19; Embree itself
+/// drops vertices beyond 1.8e18).
+pub(crate) const LARGEST_COORDINATE_M: f32 = 1e18;
 
 /// "No vertex attributes" in [`Triangle::attributes`].
 pub const NO_ATTRIBUTES: u32 = u32::MAX;
@@ -51,6 +61,18 @@ impl Triangle {
         let (e1, e2) = (Vec3::from(self.e1).as_dvec3(), Vec3::from(self.e2).as_dvec3());
         (0.5 * e1.cross(e2).length()) as f32
     }
+}
+
+/// True for a triangle that is a point, a line (see [`LINE_HEIGHT`]), not finite or out of range. No such triangle is traced.
+pub(crate) fn is_degenerate(triangle: &[Vec3; 3]) -> bool {
+    // Also true of NaN.
+    if !triangle.iter().all(|v| v.abs().cmple(Vec3::splat(LARGEST_COORDINATE_M)).all()) {
+        return true;
+    }
+    let [a, b, c] = triangle.map(|v| v.as_dvec3());
+    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    // Twice the area = height · longest edge. `<=` also catches three equal points.
+    (b - a).cross(c - a).length() <= LINE_HEIGHT * longest2
 }
 
 /// The largest hit error over the corners.
@@ -108,6 +130,8 @@ pub struct Geometry {
     pub bounds: (Vec3, Vec3),
     /// Triangles without area that were left out while baking.
     pub dropped_degenerate: usize,
+    /// Emissive triangles that were left out because another one has the same corners and faces the same way.
+    pub dropped_lamps: usize,
 }
 
 /// Which attributes a mesh's triangles carry, richest first: the order in which meshes are laid out.
@@ -182,6 +206,7 @@ impl Geometry {
             }
         }
 
+        geometry.dropped_lamps = world.drop_copied_lamps(&scene.materials);
         geometry.append(world);
         let mut mesh_of = vec![0u32; scene.meshes.len()];
         for (id, records) in instanced {
@@ -253,7 +278,7 @@ impl Geometry {
             let cross = (v1 - v0).as_dvec3().cross((v2 - v0).as_dvec3());
             let exact = (v1.as_dvec3() - v0.as_dvec3()).cross(v2.as_dvec3() - v0.as_dvec3());
             let twice_area = exact.length();
-            if !(twice_area > 0.0 && twice_area.is_finite() && cross.length() > 0.0) {
+            if is_degenerate(&[v0, v1, v2]) || !(twice_area.is_finite() && cross.length() > 0.0) {
                 self.dropped_degenerate += 1;
                 continue;
             }
@@ -356,6 +381,45 @@ impl Geometry {
 struct MeshRecords {
     mesh: TriangleMesh,
     records: Vec<Triangle>,
+}
+
+impl MeshRecords {
+    /// Leaves out emissive triangles that repeat the corners of an earlier one in the same turn, and says how many: a ray meets
+    /// one of the two, but light sampling would find both, and the picture would depend on who found the light. Lamps that
+    /// overlap otherwise (cut another way, moved a little, back to back) are not recognised.
+    fn drop_copied_lamps(&mut self, materials: &[Material]) -> usize {
+        let mut seen = HashSet::new();
+        let vertices = &self.mesh.vertices;
+        let keep: Vec<bool> = (self.mesh.indices.iter().zip(&self.records))
+            .map(|(corners, record)| {
+                !materials[record.material as usize].is_emissive() || {
+                    // Whichever corner comes first, and whatever the sign of a zero.
+                    let mut bits = corners.map(|i| (vertices[i as usize] + Vec3::ZERO).to_array().map(f32::to_bits));
+                    let least = (0..3).min_by_key(|&i| bits[i]).expect("three corners");
+                    bits.rotate_left(least);
+                    // A mirroring placement has swapped two corners, so their turn says where the front is.
+                    seen.insert(bits)
+                }
+            })
+            .collect();
+        let mut kept = keep.iter();
+        self.mesh.indices.retain(|_| *kept.next().expect("a verdict each"));
+        let mut kept = keep.iter();
+        self.records.retain(|_| *kept.next().expect("a verdict each"));
+        keep.len() - self.records.len()
+    }
+}
+
+/// How many emissive triangles repeat others: what [`Geometry::dropped_lamps`] will be.
+pub(crate) fn copied_lamps(scene: &Scene) -> usize {
+    let (mut geometry, mut lamps) = (Geometry::default(), MeshRecords::default());
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        if scene.materials[mesh.material.index()].is_emissive() {
+            geometry.bake(&mut lamps, mesh, Attributes::None, &instance.world_from_object);
+        }
+    }
+    lamps.drop_copied_lamps(&scene.materials)
 }
 
 /// Which meshes are baked: emissive ones (lights need world triangles), those placed once, and small repeated

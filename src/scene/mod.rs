@@ -2,13 +2,13 @@
 //! [`builder`] does so from code (tests, library users), [`geometry`] flattens it for tracing and shading.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
 pub mod alpha;
 pub mod builder;
 pub mod camera;
+mod fold;
 pub mod geometry;
 pub mod gltf;
 pub mod ids;
@@ -17,6 +17,8 @@ pub mod light;
 pub mod material;
 pub mod validate;
 
+pub use crate::texture::load::Budget;
+pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
 pub use alpha::AlphaMode;
 pub use camera::{Camera, Projection};
 pub use ids::{MaterialId, MeshId, TextureId};
@@ -55,47 +57,6 @@ pub struct Instance {
     /// Object to world, relative to [`Scene::origin`]; invertible and finite. A negative determinant mirrors: the
     /// front side of a triangle is then the other winding (glTF 2.0 §3.7.4).
     pub world_from_object: Affine3A,
-}
-
-/// How texture coordinates outside [0,1) are folded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wrap {
-    /// glTF 10497.
-    Repeat,
-    /// glTF 33648.
-    MirroredRepeat,
-    /// glTF 33071.
-    ClampToEdge,
-}
-
-/// How stored texel values map to linear ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColorSpace {
-    /// Base colour and emissive: decoded by the sRGB curve before filtering.
-    Srgb,
-    /// Data: metallic-roughness and normals.
-    Linear,
-}
-
-/// Decoded image and its sampler.
-#[derive(Clone, Debug)]
-pub struct Texture {
-    /// File name, or `image N`.
-    pub name: String,
-    /// Columns, > 0.
-    pub width: usize,
-    /// Rows, > 0.
-    pub height: usize,
-    /// RGBA, 8 bits a channel as stored, row-major from the top; 16-bit sources are rounded.
-    pub texels: Arc<[[u8; 4]]>,
-    /// How to read `texels`.
-    pub color_space: ColorSpace,
-    /// Horizontal wrap.
-    pub wrap_u: Wrap,
-    /// Vertical wrap.
-    pub wrap_v: Wrap,
-    /// False for the NEAREST magnification filter.
-    pub bilinear: bool,
 }
 
 /// Something the user should know that does not stop the work.
@@ -143,6 +104,25 @@ pub struct Scene {
     pub dropped: Dropped,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+}
+
+/// What a load can be told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Memory of textures, and who decodes them.
+    pub texture_budget: Budget,
+    /// What an image that cannot be used does.
+    pub missing_texture: MissingTexture,
+}
+
+/// What becomes of an image that is missing, broken, empty, or not finite.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MissingTexture {
+    /// It ends the load.
+    #[default]
+    Error,
+    /// A warning; colours are magenta, data change nothing.
+    Magenta,
 }
 
 impl Scene {

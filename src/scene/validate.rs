@@ -55,10 +55,7 @@ impl Scene {
             }
         }
         for texture in &self.textures {
-            let texels = texture.width.checked_mul(texture.height);
-            if texels.is_none_or(|texels| texels == 0 || texels != texture.texels.len()) {
-                let problem =
-                    format!("expected {} × {} texels, found {}", texture.width, texture.height, texture.texels.len());
+            if let Some(problem) = texture.problem() {
                 return Err((format!("texture \"{}\"", texture.name), problem));
             }
         }

@@ -1,9 +1,9 @@
 //! After tracing: rays that left the scene meet the environment; the others are sorted by kind of kernel. Blocks full of
-//! Lambert surfaces are shaded where they lie; what is sparse goes through a queue.
+//! one kind are shaded where they lie; what is sparse goes through a queue.
 
 use super::Context;
 use super::estimator;
-use super::queue::Kind;
+use super::queue::{KINDS, Kind};
 use super::state::Wave;
 use crate::backend::batch::{INVALID_ID, LANES};
 
@@ -42,28 +42,29 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
 
 /// The lanes of `hit` that are shaded in place; the others enter the queue of their kind.
 #[inline(always)]
-fn sort(context: &Context, wave: &mut Wave, block: usize, hit: u16) -> u16 {
+fn sort(context: &Context, wave: &mut Wave, block: usize, hit: u16) -> (Kind, u16) {
     let hits = &wave.current.rays[block].hit;
-    let lambert = match context.only_kind {
-        Some(Kind::Lambert) => hit,
-        Some(Kind::General) => 0,
+    let mut of_kind = [0u16; KINDS];
+    match context.only_kind {
+        Some(kind) => of_kind[kind as usize] = hit,
         None => {
-            let mut lambert = 0u16;
             for i in lanes_of(hit) {
                 let material = context.geometry.triangle(hits.geom[i], hits.prim[i]).material;
-                lambert |= u16::from(context.kinds[material as usize] == Kind::Lambert) << i;
+                of_kind[context.kinds[material as usize] as usize] |= 1 << i;
             }
-            lambert
         }
-    };
-    let first = (block * LANES) as u32;
-    wave.queues[Kind::General as usize].extend(lanes_of(hit & !lambert).map(|i| first + i as u32));
-    if lambert.count_ones() > DENSE {
-        lambert
-    } else {
-        wave.queues[Kind::Lambert as usize].extend(lanes_of(lambert).map(|i| first + i as u32));
-        0
     }
+    let first = (block * LANES) as u32;
+    let mut dense = (Kind::Lambert, 0);
+    for kind in Kind::ALL {
+        let lanes = of_kind[kind as usize];
+        if lanes.count_ones() > DENSE {
+            dense = (kind, lanes);
+        } else {
+            wave.queues[kind as usize].extend(lanes_of(lanes).map(|i| first + i as u32));
+        }
+    }
+    dense
 }
 
 #[inline(always)]

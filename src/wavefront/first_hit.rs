@@ -69,7 +69,9 @@ fn centred(context: &Context, pixels: &[(u32, u32)], hits: &mut [FirstHit], coun
     let mut rays = vec![RayHitBlock::EMPTY; pixels.len().div_ceil(LANES)];
     for (lane, &(x, y)) in pixels.iter().enumerate() {
         let (org, dir) = context.camera.pinhole_ray(x as f32 + 0.5, y as f32 + 0.5);
-        rays[lane / LANES].ray.set(lane % LANES, org, dir, f32::INFINITY);
+        let block = &mut rays[lane / LANES].ray;
+        block.set(lane % LANES, org, dir, f32::INFINITY);
+        block.tnear[lane % LANES] = context.camera.near();
     }
     counters.rays_camera += pixels.len() as u64;
     context.backend.closest_hit(&mut rays, pixels.len(), Coherence::Coherent);

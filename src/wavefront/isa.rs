@@ -57,7 +57,7 @@ pub fn run<S: Scheme>(
     counters: &mut Counters,
 ) {
     #[cfg(target_arch = "x86_64")]
-    if context.plan.avx512 {
+    if S::WIDE && context.plan.avx512 {
         // SAFETY: the plan says so only where `math::isa::has_avx512` is true.
         return unsafe { avx512::run::<S>(context, chunk, wave, pixels, counters) };
     }

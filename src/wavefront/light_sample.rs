@@ -2,7 +2,7 @@
 //! kinds, lane by lane: the numbers are those of [`Lights::sample`](crate::shading::light::Lights::sample).
 
 use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, get, set};
-use super::{Context, shade};
+use super::{Context, emission};
 use crate::backend::batch::LANES;
 
 /// A light sample for each lane.
@@ -68,7 +68,7 @@ impl LightLanes {
         let Some(sample) = chosen else { return };
         let mut radiance = sample.radiance;
         if let Some(point) = sample.texture_point {
-            radiance *= shade::emission_texel(context, &point);
+            radiance *= emission::texel(context, &point);
         }
         set(&mut self.wi, i, sample.wi);
         set(&mut self.radiance, i, radiance);

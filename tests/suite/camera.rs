@@ -1,6 +1,6 @@
-//! Camera geometry: where rays start and point, thin lens, EXR matrices, degenerate cameras (HARDCASES M05, M07, I03).
+//! Camera geometry: where rays start and point, thin lens, EXR matrices.
 
-use glam::{Affine3A, DVec2, DVec3, Mat3A, Vec3, Vec3A};
+use glam::{Affine3A, DVec2, DVec3, Vec3};
 use pathspace::camera::{CameraRays, Lens};
 use pathspace::sampler::{Scheme, SobolScheme};
 use pathspace::scene::{Camera, Projection};
@@ -56,86 +56,6 @@ fn the_view_is_fitted_and_never_stretched() {
         let (origin, dir) = rays.ray(0.0, 0.0, [0.5; 2]);
         assert_eq!(dir, Vec3::NEG_Z);
         assert!((origin - Vec3::new(-half_x, half_y, 0.0)).length() < 1e-6);
-    }
-}
-
-/// HARDCASES M07. Oracle: projected area of a unit square at distance 2 in a 90° view, frontal, off centre and tilted by 30°. 2²⁰
-/// scrambled Sobol' points know such an area to about 1e-5; the limit is ten of those, a hundredth of a pixel's shift of one
-/// edge would be 4e-5 and a half-pixel shift of the off-centre square, which touches the border, 2e-3.
-#[test]
-fn a_square_covers_its_projected_area() {
-    let (sin, cos) = (std::f64::consts::FRAC_PI_6).sin_cos();
-    // The last square sticks out to the right and below: what is inside is 0.5 × 0.3 of its 1 × 1.
-    let squares = [
-        (DVec3::new(0.0, 0.0, -2.0), DVec3::X, 0.0625),
-        (DVec3::new(0.7, -0.9, -2.0), DVec3::X, 0.0625),
-        (DVec3::new(0.0, 0.0, -2.0), DVec3::new(cos, 0.0, sin), 0.055_858_529_45),
-        (DVec3::new(2.0, -2.2, -2.0), DVec3::X, 0.0625 * 0.5 * 0.3),
-    ];
-    for size in [(64, 64), (61, 61), (4096, 4096)] {
-        let rays = CameraRays::new(&perspective(RIGHT_ANGLE, None), size, None).unwrap();
-        for (k, (middle, across, covered)) in squares.into_iter().enumerate() {
-            let normal = across.cross(DVec3::Y);
-            let n = 1 << 20;
-            let inside = (0..n).filter(|&i| {
-                let u = SobolScheme::sample_4d(i, [7, k as u32], 0);
-                let d = rays.pinhole_ray(u[0] * size.0 as f32, u[1] * size.1 as f32).1.as_dvec3();
-                let p = d * (middle.dot(normal) / d.dot(normal)) - middle;
-                p.dot(across).abs() <= 0.5 && p.y.abs() <= 0.5
-            });
-            let mean = inside.count() as f64 / f64::from(n);
-            println!("{size:?} square {k}: {:e}", mean - covered);
-            assert!((mean - covered).abs() < 1e-4, "{size:?}, square {k}: {mean} for {covered}");
-        }
-    }
-}
-
-/// Film position (pixels from the middle, along x) at which a point at distance `o` on the axis is seen through one
-/// point of the lens: the film maps linearly to the plane of the point.
-fn seen_at(rays: &CameraRays, middle: f32, o: f64, lens_uv: [f32; 2]) -> DVec2 {
-    let hit = |x: f32, y: f32| {
-        let (origin, dir) = rays.lens_ray(middle + x, middle + y, lens_uv);
-        let (origin, dir) = (origin.as_dvec3(), dir.as_dvec3());
-        let p = origin + dir * ((-o - origin.z) / dir.z);
-        DVec2::new(p.x, p.y)
-    };
-    let step = 256.0;
-    let (p, px, py) = (hit(0.0, 0.0), hit(step, 0.0), hit(0.0, step));
-    DVec2::new(-p.x / (px.x - p.x), -p.y / (py.y - p.y)) * f64::from(step)
-}
-
-/// HARDCASES M05. Oracle: the thin-lens formula, f = 50 mm at f/2 focused at 2 m. The diameter is that of the circle of
-/// positions over the lens' rim (closed form, 1e-3 relative), the distribution over the lens is a uniform disk
-/// (rms radius D/√8; 4096 Sobol' points know it to 1e-3).
-#[test]
-fn circle_of_confusion() {
-    let (focal, radius, focus) = (0.05f64, 0.0125f64, 2.0f64);
-    let film_distance = focal * focus / (focus - focal);
-    let film_height = 0.024;
-    let resolution = 1024;
-    let yfov = 2.0 * (0.5 * film_height / film_distance).atan();
-    let lens = Lens { radius_m: radius as f32, focus_m: focus as f32 };
-    let rays = CameraRays::new(&perspective(yfov as f32, None), (resolution, resolution), Some(lens)).unwrap();
-    let mm_per_pixel = film_height * 1e3 / f64::from(resolution);
-    let middle = resolution as f32 / 2.0;
-    for (o, diameter) in
-        [(1.0, 0.641_025_64), (1.5, 0.213_675_21), (2.0, 0.0), (4.0, 0.320_512_82), (1e9, 0.641_025_64)]
-    {
-        let (mut sum, mut sum2, mut largest) = (DVec2::ZERO, 0.0, 0.0f64);
-        let n = 4096;
-        for i in 0..n {
-            let u = SobolScheme::sample_4d(i, [5, 6], 0);
-            let p = seen_at(&rays, middle, o, [u[0], u[1]]) * mm_per_pixel;
-            sum += p;
-            sum2 += p.length_squared();
-            largest = largest.max(p.length());
-        }
-        let n = f64::from(n);
-        // In focus everything meets within rounding: 2⁻²³ of the 24 mm film and the step's division.
-        let tolerance = 1e-3 * diameter + 2e-5;
-        assert!((2.0 * largest - diameter).abs() < 2.0 * tolerance, "{o} m: diameter {}", 2.0 * largest);
-        assert!(((sum2 / n).sqrt() - diameter / 8f64.sqrt()).abs() < tolerance, "{o} m: rms {}", (sum2 / n).sqrt());
-        assert!((sum / n).length() < tolerance, "{o} m: centre {}", sum / n);
     }
 }
 
@@ -202,52 +122,4 @@ fn exr_matrices_follow_renderman() {
             assert!((ndc.truncate() - expected).length() < 3e-3, "{ndc} for {expected}");
         }
     }
-}
-
-/// HARDCASES I03. Oracle: the contract. Extreme but valid cameras give unit rays; the others an error of the right kind.
-#[test]
-fn degenerate_cameras_are_refused_or_work() {
-    let valid_rays = |rays: &CameraRays, (w, h): (u32, u32)| {
-        for i in 0..1000 {
-            let u = SobolScheme::sample_4d(i, [3, 4], 0);
-            let (origin, dir) = rays.ray(u[0] * w as f32, u[1] * h as f32, [u[2], u[3]]);
-            assert!(origin.is_finite() && dir.is_normalized(), "{origin} {dir}");
-        }
-    };
-    for yfov in [1e-3f32.to_radians(), 1e-3, 179f32.to_radians()] {
-        for size in [(1, 10_000), (10_000, 1), (1, 1)] {
-            for lens in [None, Some(Lens { radius_m: 0.01, focus_m: f32::INFINITY })] {
-                valid_rays(&CameraRays::new(&perspective(yfov, None), size, lens).unwrap(), size);
-            }
-        }
-    }
-    let exit = |camera: &Camera, size, lens| CameraRays::new(camera, size, lens).unwrap_err().exit_code();
-    for yfov in [0.0, -1.0, std::f32::consts::PI, 4.0, f32::NAN, f32::INFINITY] {
-        assert_eq!(exit(&perspective(yfov, None), (64, 64), None), 4, "yfov {yfov}");
-    }
-    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-        assert_eq!(exit(&perspective(1.0, Some(bad)), (64, 64), None), 4, "aspect {bad}");
-        for (xmag_m, ymag_m) in [(bad, 1.0), (1.0, bad)] {
-            assert_eq!(exit(&camera(Projection::Orthographic { xmag_m, ymag_m }), (64, 64), None), 4);
-        }
-        let radius = Lens { radius_m: bad, focus_m: 1.0 };
-        assert_eq!(exit(&perspective(1.0, None), (64, 64), Some(radius)), 2, "radius {bad}");
-        if bad != f32::INFINITY {
-            let focus = Lens { radius_m: 0.1, focus_m: bad };
-            assert_eq!(exit(&perspective(1.0, None), (64, 64), Some(focus)), 2, "focus {bad}");
-        }
-    }
-    let lens = Some(Lens { radius_m: 0.1, focus_m: 1.0 });
-    assert_eq!(exit(&camera(Projection::Orthographic { xmag_m: 1.0, ymag_m: 1.0 }), (64, 64), lens), 2);
-    assert_eq!(exit(&perspective(1.0, None), (0, 64), None), 2);
-    assert_eq!(exit(&perspective(1.0, None), (64, 0), None), 2);
-    // A frame made by a look-at along its own up vector is NaN or singular.
-    for matrix3 in [Mat3A::ZERO, Mat3A::NAN, Mat3A::from_diagonal(Vec3::new(1.0, 2.0, 1.0)), -Mat3A::IDENTITY] {
-        let mut camera = perspective(1.0, None);
-        camera.world_from_camera = Affine3A { matrix3, translation: Vec3A::ZERO };
-        assert_eq!(exit(&camera, (64, 64), None), 4);
-    }
-    let mut camera = perspective(1.0, None);
-    camera.world_from_camera.translation = Vec3A::new(0.0, f32::INFINITY, 0.0);
-    assert_eq!(exit(&camera, (64, 64), None), 4);
 }

@@ -6,6 +6,7 @@ use glam::{Affine3A, Vec3};
 use pathspace::plan::options::{CameraChoice, FilterKind, RenderOptions, SamplerKind};
 use pathspace::render::{Render, Renderer};
 use pathspace::scene::{Camera, Projection, Scene};
+use pathspace_stat::Moments;
 
 /// `../shared`, or `None` with a message when the checkout stands alone.
 pub fn shared(what: &str) -> Option<PathBuf> {
@@ -48,6 +49,11 @@ impl Estimate {
         let variance =
             values.fold([0.0; 3], |a, v| std::array::from_fn(|c| a[c] + (v[c] - mean[c]).powi(2) / (n - 1.0)));
         Estimate { n, mean, variance }
+    }
+
+    /// From the moments of one number.
+    pub fn of_moments(moments: &Moments) -> Self {
+        Estimate { n: moments.n as f64, mean: [moments.mean; 3], variance: [moments.variance(); 3] }
     }
 
     /// Standard error of the mean.

@@ -1,7 +1,7 @@
 //! Loading of scenes: the shared ones by their known counts, and every feature of the loader on files made here.
 
 mod appearance;
-mod fixture;
+pub mod fixture;
 mod hostile;
 
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -236,8 +236,9 @@ fn nodes_are_flattened_in_double_precision() {
     let placement = scene.instances[0].world_from_object;
     assert!(placement.matrix3.determinant() < 0.0);
     assert_eq!(Vec3::from(placement.translation), (root - scene.origin).as_vec3());
-    // The bounds' centre is (−1, 1.5, 0) beside the root; what is left of it is f32's rounding at 2·10⁶ m.
-    assert!((placement.transform_point3(Vec3::new(0.5, 0.5, 0.0))).abs().max_element() <= 0.125);
+    // The bounds' diagonal is √13 m, so the origin has multiples of 4 m, and their centre is within half of that.
+    assert_eq!(scene.origin % 4.0, glam::DVec3::ZERO);
+    assert!((placement.transform_point3(Vec3::new(0.5, 0.5, 0.0))).abs().max_element() <= 2.0);
 
     let camera = &scene.cameras[0];
     assert!((camera.world_from_camera.matrix3.determinant() - 1.0).abs() < 1e-6);
@@ -296,9 +297,9 @@ fn materials_are_read_and_every_omission_is_named() {
     let [color, glow, normal] = &scene.textures[..] else { panic!("three textures: {:?}", scene.textures) };
     assert_eq!(glow.color_space, ColorSpace::Srgb);
     assert_eq!((color.color_space, normal.color_space), (ColorSpace::Srgb, ColorSpace::Linear));
-    assert!(std::sync::Arc::ptr_eq(&color.texels, &normal.texels));
+    assert!(color.texels.shares(&normal.texels));
     assert_eq!((color.wrap_u, color.wrap_v, color.bilinear), (Wrap::ClampToEdge, Wrap::MirroredRepeat, false));
-    assert_eq!((color.width, color.height, color.texels[5]), (3, 2, [80, 40, 200, 255]));
+    assert_eq!((color.width, color.height, color.texels.eight().expect("8 bits")[5]), (3, 2, [80, 40, 200, 255]));
     // The normal map had no tangents to go with.
     assert!(scene.meshes[0].tangents.is_some() && scene.meshes[0].normals.is_some());
 }

@@ -249,13 +249,17 @@ impl Document {
         })
     }
 
+    /// What a URI stands for: bytes in itself, or a path relative to the document.
+    pub(super) fn locate(&self, uri: &str, pointer: &str) -> Result<Resource> {
+        uri::resolve(uri, self.file.parent().unwrap_or(Path::new(""))).map_err(|problem| self.error(pointer, problem))
+    }
+
     /// The bytes behind a URI: a data URI, or a regular file relative to the document.
     pub(super) fn resource(&self, uri: &str, pointer: &str) -> Result<Arc<Vec<u8>>> {
-        let path =
-            match uri::resolve(uri, self.file.parent().unwrap_or(Path::new(""))).map_err(|p| self.error(pointer, p))? {
-                Resource::Inline(bytes) => return Ok(Arc::new(bytes)),
-                Resource::File(path) => path,
-            };
+        let path = match self.locate(uri, pointer)? {
+            Resource::Inline(bytes) => return Ok(Arc::new(bytes)),
+            Resource::File(path) => path,
+        };
         let missing =
             |reason: &dyn std::fmt::Display| self.error(pointer, format!("cannot read {}: {reason}", path.display()));
         // A pipe or a device would never end; a directory gives an unclear message.

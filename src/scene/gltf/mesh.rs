@@ -12,6 +12,7 @@ use gltf::json::Index;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
+use super::super::geometry::{LARGEST_COORDINATE_M, is_degenerate};
 use super::super::{Dropped, MaterialId, Mesh};
 use super::accessor::Accessor;
 use super::document::Document;
@@ -113,7 +114,9 @@ pub(super) struct Place<'p> {
 fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
     let area = 0.5 * (b - a).cross(c - a).length();
-    area as f32 > 0.0 && (area as f32).is_finite()
+    // One that lies out of range is kept: where it is placed, that is an error.
+    let huge = corners.iter().any(|p| p.abs().max_element() > LARGEST_COORDINATE_M);
+    area as f32 > 0.0 && (area as f32).is_finite() && (huge || !is_degenerate(&corners))
 }
 
 struct Reader<'d> {

@@ -26,12 +26,17 @@ use std::path::Path;
 use self::document::Document;
 use self::material::MaterialTable;
 use self::node::Placed;
-use super::{Dropped, Mesh, MeshId, Scene};
+use super::{Dropped, LoadOptions, Mesh, MeshId, Scene, geometry};
 use crate::error::Result;
 
 impl Scene {
     /// Loads a `.gltf` or `.glb` file with its buffers and images.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
+        Scene::load_with(path, &LoadOptions::default())
+    }
+
+    /// As [`load`](Self::load), under other options.
+    pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
         let document = Document::read(path.as_ref())?;
         let nodes = node::flatten(&document)?;
         let mut materials = MaterialTable::read(&document)?;
@@ -66,7 +71,12 @@ impl Scene {
         }
         scene.meshes = meshes.list;
         scene.materials = materials.materials;
-        scene.textures = materials.textures.decode(&document)?;
+        scene.textures = materials.textures.decode(&document, options)?;
+        scene.fold_constant_textures();
+        let copies = geometry::copied_lamps(&scene);
+        if copies > 0 {
+            document.warn("/meshes", format!("{copies} emissive triangles repeat others exactly and are left out"));
+        }
         scene.warnings = document.take_warnings();
         scene.validate()?;
         Ok(scene)

@@ -90,16 +90,6 @@ impl Dielectric {
         Split { interface, reflected, p_reflect: reflected.max_element() }
     }
 
-    /// Index of the far side relative to the side of `wo`.
-    #[inline(always)]
-    fn relative_index(&self, wo: Vec3) -> f32 {
-        match self.body {
-            Body::Thin => 1.0,
-            Body::Solid if wo.z < 0.0 => 1.0 / self.eta,
-            Body::Solid => self.eta,
-        }
-    }
-
     /// Value and density for a pair of directions; zero if the surface is smooth.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
@@ -117,17 +107,13 @@ impl Dielectric {
             let mirrored = Vec3::new(i.x, i.y, -i.z);
             self.transmitted_thin(wo, o, mirrored, half_vector(o, mirrored))
         } else {
-            let eta = self.relative_index(wo);
-            let h = o + eta * i;
-            let length = h.length();
-            let m = h * (h.z.signum() / length.max(f32::MIN_POSITIVE));
-            self.refracted(wo, o, i, m, length)
+            self.refracted(wo, wi)
         }
     }
 
     #[inline(always)]
     fn reflected(&self, wo: Vec3, o: Vec3, i: Vec3, m: Vec3) -> BsdfEval {
-        let split = self.split(wo, o.dot(m).max(0.0));
+        let split = self.split(wo, shared_cosine(o, i, m));
         let lobe = Ggx::isotropic(self.alpha).reflection(o, i, m);
         BsdfEval { f_cos: split.reflected * lobe.f_cos, pdf_sa: split.p_reflect * lobe.pdf_sa }
     }
@@ -135,29 +121,35 @@ impl Dielectric {
     /// `mirrored` is the transmitted direction reflected back through the wall.
     #[inline(always)]
     fn transmitted_thin(&self, wo: Vec3, o: Vec3, mirrored: Vec3, m: Vec3) -> BsdfEval {
-        let through = 1.0 - self.split(wo, o.dot(m).max(0.0)).p_reflect;
+        let through = 1.0 - self.split(wo, shared_cosine(o, mirrored, m)).p_reflect;
         let lobe = Ggx::isotropic(self.alpha).reflection(o, mirrored, m);
         BsdfEval { f_cos: self.tint * (through * lobe.f_cos), pdf_sa: through * lobe.pdf_sa }
     }
 
-    /// `length` is |o + η·i|, which equals |cos_o − η·cos_t| and is what the change of measure needs.
+    /// Written for the pair as the outside and the inside see it, whoever the viewer is: h = outer + η·inner and the cosines
+    /// with it are then the same numbers there and back, and reciprocity holds to rounding also where they cancel.
     #[inline(always)]
-    fn refracted(&self, wo: Vec3, o: Vec3, i: Vec3, m: Vec3, length: f32) -> BsdfEval {
-        let (o_m, i_m) = (o.dot(m), i.dot(m));
-        if !(o_m > 0.0 && i_m < 0.0 && length > 0.0) {
+    fn refracted(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let inside = wo.z < 0.0;
+        let (outer, inner) = if inside { (wi, wo) } else { (wo, wi) };
+        let h = outer + self.eta * inner;
+        let length = h.length();
+        let m = h * (h.z.signum() / length.max(f32::MIN_POSITIVE));
+        let (outer_m, inner_m) = (outer.dot(m), -inner.dot(m));
+        if !(outer_m > 0.0 && inner_m > 0.0 && length > 0.0) {
             return BsdfEval::ZERO;
         }
         // The reflectance is the same from both sides; the cosine on the thin side tells it without the square root that
         // magnifies rounding near the critical angle on the other.
-        let eta = self.relative_index(wo);
-        let thin_side = if eta < 1.0 { (-i_m, -wo.z) } else { (o_m, wo.z) };
-        let through = 1.0 - self.split_signed(thin_side.0.copysign(thin_side.1)).p_reflect;
+        let through = 1.0 - self.split_signed(if self.eta < 1.0 { -inner_m } else { outer_m }).p_reflect;
         let ggx = Ggx::isotropic(self.alpha);
-        // d(normal)/d(wi) = η²·|i·m|/length²; the radiance of the denser side is η² higher, which cancels its η².
-        let jacobian = -i_m / (length * length);
-        let normals_pdf = ggx.visible_pdf(o, m);
-        let f_cos = self.tint * (through * normals_pdf * ggx.masking(i) * jacobian);
-        BsdfEval { f_cos, pdf_sa: through * normals_pdf * jacobian * eta * eta }
+        // d(normal)/d(wi) = η²·|i·m|/|o + η·i|² with the viewer's η; the radiance of the denser side is η² higher, which
+        // cancels its η². `length` is |o + η·i| from outside, η times it from inside, and equals |cos_o − η·cos_t|.
+        let eta2 = self.eta * self.eta;
+        let (o_m, i_m, value, density) =
+            if inside { (inner_m, outer_m, eta2, 1.0) } else { (outer_m, inner_m, 1.0, eta2) };
+        let shared = through * ggx.density(m) * (o_m * i_m) / (length * length) * ggx.masking_over_cos(wo);
+        BsdfEval { f_cos: self.tint * (shared * ggx.masking(wi) * value), pdf_sa: shared * density }
     }
 
     /// Draws a direction; `u` = reflect or transmit, u, v.
@@ -221,4 +213,11 @@ impl Dielectric {
         let weight = self.tint * (masking / (eta * eta));
         Some(BsdfSample { wi: i * flip, weight, pdf_sa, eta })
     }
+}
+
+/// Cosine of two directions with their half vector: one number for both, so that the reflectance near the critical angle is
+/// the same there and back.
+#[inline(always)]
+fn shared_cosine(o: Vec3, i: Vec3, m: Vec3) -> f32 {
+    (0.5 * (o.dot(m) + i.dot(m))).max(0.0)
 }

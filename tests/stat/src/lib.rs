@@ -12,7 +12,7 @@ mod quadrature;
 mod two_sample;
 
 pub use chi2::{Chi2, SphereBins, chi2_test};
-pub use limits::{chi2_limit, sidak_level, t_limit, z_limit};
+pub use limits::{chi2_limit, normal_tail, sidak_level, t_limit, z_limit};
 pub use moments::Moments;
 pub use pcg::Pcg32;
 pub use quadrature::{GaussLegendre, integrate};

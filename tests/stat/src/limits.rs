@@ -9,7 +9,12 @@ use statrs::function::gamma::gamma_ur;
 /// two-sided).
 pub fn z_limit(m: usize, family: f64) -> f64 {
     let p = family / m.max(1) as f64;
-    invert(p, |z| erfc(z / std::f64::consts::SQRT_2))
+    invert(p, normal_tail)
+}
+
+/// P(|z| of a standard normal statistic at least this large).
+pub fn normal_tail(z: f64) -> f64 {
+    erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
 /// Upper point of chi-square with `dof` degrees of freedom at tail probability `p`.

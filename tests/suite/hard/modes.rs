@@ -1,0 +1,76 @@
+//! Where traced cases run: every backend and query mode of this build. And pictures whose pixels are known, with their noise.
+
+use pathspace::backend::{BackendKind, QueryMode};
+use pathspace::plan::options::RenderOptions;
+use pathspace_stat::{chi2_limit, ks_uniform, normal_tail, z_limit};
+
+use super::Case;
+
+/// One way to trace rays.
+#[derive(Clone)]
+pub struct Mode {
+    /// As `embree/packet16`; backends that know one way only go by their own name.
+    pub name: String,
+    backend: BackendKind,
+    rays: QueryMode,
+}
+
+impl Mode {
+    /// All of this build.
+    pub fn all() -> Vec<Mode> {
+        let of = |&backend: &BackendKind| {
+            let modes: &[QueryMode] = match backend {
+                BackendKind::Embree => &QueryMode::ALL,
+                _ => &[QueryMode::Packet16],
+            };
+            let name = move |rays: QueryMode| match backend {
+                BackendKind::Embree => format!("{}/{rays}", backend.name()),
+                _ => backend.name().into(),
+            };
+            modes.iter().map(move |&rays| Mode { name: name(rays), backend, rays }).collect::<Vec<_>>()
+        };
+        BackendKind::available().iter().flat_map(of).collect()
+    }
+
+    /// Whether this is what the build renders with by default: it gets the full number of samples.
+    pub fn is_main(&self) -> bool {
+        self.backend == BackendKind::available()[0] && self.rays == QueryMode::Packet16
+    }
+
+    /// Whether every ray meets every triangle: for small scenes only.
+    pub fn is_brute(&self) -> bool {
+        self.backend == BackendKind::Brute
+    }
+
+    /// `full` on the main mode, `reduced` on the others.
+    pub fn count<T>(&self, full: T, reduced: T) -> T {
+        if self.is_main() { full } else { reduced }
+    }
+
+    /// `options` on this backend and in this mode.
+    pub fn options(&self, options: RenderOptions) -> RenderOptions {
+        RenderOptions { backend: Some(self.backend), rays: Some(self.rays), ..options }
+    }
+}
+
+/// A pixel: what came out, what was expected, and the standard error that is known of it.
+pub type Known = (f64, f64, f64);
+
+impl Case {
+    /// T2: many means at once. The largest |z| below its Bonferroni limit (family 1e-4), the sum of z² below the upper 1e-6
+    /// point of chi-square, and the p-values uniform (Kolmogorov–Smirnov, above 1e-6).
+    pub fn picture(&mut self, on: impl std::fmt::Display, pixels: impl IntoIterator<Item = Known>) {
+        let z: Vec<f64> = pixels.into_iter().map(|(got, expected, error)| (got - expected) / error).collect();
+        let largest = z.iter().fold(0.0, |a: f64, z| if z.abs() <= a { a } else { z.abs() });
+        let sum: f64 = z.iter().map(|z| z * z).sum();
+        let p = ks_uniform(&z.iter().map(|&z| normal_tail(z)).collect::<Vec<_>>());
+        let (z_most, sum_most) = (z_limit(z.len(), 1e-4), chi2_limit(z.len(), 1e-6));
+        self.row(
+            format!("{on}, {} pixels", z.len()),
+            format!("|z| < {z_most:.2}, Σz² < {sum_most:.0}, p > 1e-6"),
+            format!("{largest:.2}, {sum:.0}, {p:.1e}"),
+            format!("{largest:.2} σ"),
+            largest < z_most && sum < sum_most && p > 1e-6,
+        );
+    }
+}
