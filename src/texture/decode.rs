@@ -153,7 +153,9 @@ impl Encoded<'_> {
             _ => {
                 let others = if cfg!(feature = "oiio") { ", or another format that OpenImageIO reads" } else { "" };
                 let found = first[..first.len().min(8)].escape_ascii().to_string();
-                Err(format!("expected PNG, JPEG or WebP, OpenEXR or Radiance .hdr{others}, found bytes that begin `{found}`"))
+                Err(format!(
+                    "expected PNG, JPEG or WebP, OpenEXR or Radiance .hdr{others}, found bytes that begin `{found}`"
+                ))
             }
         }
     }

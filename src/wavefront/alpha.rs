@@ -180,6 +180,7 @@ fn go_on(
             let block = &mut rays[lane / LANES];
             let Some(hit) = passing.rays[place / LANES].hit(place % LANES) else {
                 (block.hit.geom[i], block.hit.inst[i]) = (INVALID_ID, INVALID_ID);
+                block.ray.tfar[i] = f32::INFINITY;
                 continue;
             };
             let dir = block.ray.dir(i);
@@ -226,37 +227,40 @@ pub fn shadows(context: &Context, wave: &mut Wave, counters: &mut Counters) -> u
         traced += passing.trace(context, counters);
         let mut left = 0;
         for place in 0..passing.pending.len() {
-            let pending = passing.pending[place];
+            let mut pending = passing.pending[place];
             let (block, i) = (pending.lane as usize / LANES, pending.lane as usize % LANES);
-            let Some(hit) = passing.rays[place / LANES].hit(place % LANES) else {
-                if pending.passed > 0 {
-                    let radiance = &mut shadows.carried[block].radiance;
-                    radiance.iter_mut().for_each(|channel| channel[i] *= pending.carried as f32);
-                }
-                continue;
-            };
-            let dir = passing.rays[place / LANES].ray.dir(place % LANES);
-            let (carried, org, dir, tfar) = match sheer(context, &hit) {
-                None => (0.0, Vec3::ZERO, Vec3::Z, 0.0),
-                Some((at, coverage)) => {
-                    let org = float::spawn_origin(at.p, at.n_g, at.error, dir);
-                    // Aimed anew, so that the end stays where it falls short of the light.
-                    let way = pending.end - org.as_dvec3();
-                    let (dir, tfar) = match way.is_finite() {
-                        true => (way.normalize_or_zero().as_vec3(), way.length() as f32),
-                        false => (dir, f32::INFINITY),
-                    };
-                    (pending.carried * (1.0 - f64::from(coverage)), org, dir, tfar)
-                }
-            };
-            if carried > 0.0 && pending.passed < dims::MOST_PASSED {
-                passing.put(left, Pending { passed: pending.passed + 1, carried, ..pending }, org, dir, tfar);
-                left += 1;
-            } else {
+            let ray = &passing.rays[place / LANES];
+            let mut on = None;
+            if let Some(hit) = ray.hit(place % LANES) {
+                let sheer = sheer(context, &hit).filter(|_| pending.passed < dims::MOST_PASSED);
+                pending.carried *= sheer.as_ref().map_or(0.0, |(_, coverage)| 1.0 - f64::from(*coverage));
+                pending.passed += 1;
+                on = sheer.and_then(|(at, _)| segment_behind(&at, ray.ray.dir(place % LANES), pending.end));
+            }
+            if !(pending.carried > 0.0) {
                 shadows.rays[block].tfar[i] = BLOCKED;
+            } else if let Some((org, dir, tfar)) = on {
+                passing.put(left, pending, org, dir, tfar);
+                left += 1;
+            } else if pending.passed > 0 {
+                let radiance = &mut shadows.carried[block].radiance;
+                radiance.iter_mut().for_each(|channel| channel[i] *= pending.carried as f32);
             }
         }
         passing.pending.truncate(left);
     }
     traced
+}
+
+/// What is left of a shadow ray of direction `dir` behind the surface at `at`: origin, direction, length. Aimed anew, so that
+/// its end stays where it falls short of the light. `None` where nothing is left.
+#[inline(always)]
+fn segment_behind(at: &Interaction, dir: Vec3, end: DVec3) -> Option<(Vec3, Vec3, f32)> {
+    let org = float::spawn_origin(at.p, at.n_g, at.error, dir);
+    if !end.is_finite() {
+        return Some((org, dir, f32::INFINITY));
+    }
+    let way = end - org.as_dvec3();
+    let length = way.length();
+    (way.dot(dir.as_dvec3()) > 0.0).then(|| (org, (way / length).as_vec3(), length as f32))
 }
