@@ -209,9 +209,9 @@ fn run_inline<S: Scheme, I: Isa>(
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
-        counters.capped_paths += shade::run::<LambertLanes, S, I>(context, wave, Kind::Lambert, edge);
-        counters.capped_paths += shade::run::<OpaqueLanes, S, I>(context, wave, Kind::Opaque, edge);
-        counters.capped_paths += shade::run::<Surfaces, S, I>(context, wave, Kind::General, edge);
+        counters.capped_paths += I::shade::<LambertLanes, S>(context, wave, Kind::Lambert, edge);
+        counters.capped_paths += I::shade::<OpaqueLanes, S>(context, wave, Kind::Opaque, edge);
+        counters.capped_paths += I::shade::<Surfaces, S>(context, wave, Kind::General, edge);
         observe::look(context, Stage::Shaded, edge, wave);
 
         if wave.shadows.len > 0 && context.plan.features.alpha {
