@@ -37,6 +37,9 @@ impl Material {
     /// The alpha mode as far as it matters: opaque where no alpha that factor, texture and vertex colours can make lets a
     /// ray pass.
     pub fn effective_alpha(&self, textures: &[Texture]) -> AlphaMode {
+        if self.alpha_mode == AlphaMode::Opaque {
+            return AlphaMode::Opaque;
+        }
         let texture = self.base_color_texture.and_then(|slot| textures.get(slot.texture.index()));
         let varies = self.vertex_colors || texture.is_some_and(|texture| texture.texels.may_have_alpha());
         let covered = self.alpha_mode.coverage(self.base_alpha) >= 1.0;

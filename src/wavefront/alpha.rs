@@ -127,16 +127,47 @@ fn sheer(context: &Context, hit: &Hit) -> Option<(Interaction, f32)> {
 /// to here. Returns the rays that were traced.
 #[inline(always)]
 pub fn closest<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32, counters: &mut Counters) -> u64 {
-    let passing = &mut wave.passing;
-    passing.clear(wave.current.len);
-    for lane in 0..wave.current.len {
-        let (block, i) = (lane / LANES, lane % LANES);
-        let rays = &wave.current.rays[block];
-        let Some(hit) = rays.hit(i) else { continue };
-        let path = wave.current.paths[block].get(i);
-        if let Some(org) = passed::<S>(context, &hit, rays.ray.dir(i), (path.index, path.seed), (edge, 0)) {
+    let (current, passing) = (&mut wave.current, &mut wave.passing);
+    let paths = &current.paths;
+    let meets = |lane: usize, passed: u32, coverage: f32| {
+        let (block, i) = (&paths[lane / LANES], lane % LANES);
+        // Certain cases need no number; a ray that has used up its own meets what comes.
+        let number = || {
+            let (set, number) = dims::alpha(edge, passed)?;
+            Some(S::sample_4d(block.index[i], [block.seed_lo[i], block.seed_hi[i]], set)[number])
+        };
+        coverage > 0.0 && number().is_none_or(|u| u < coverage)
+    };
+    go_on(context, passing, &mut current.rays, current.len, meets, counters)
+}
+
+/// [`closest`] for the rays through the pixels' centres, which have no random numbers: they meet what is there by half.
+pub fn closest_of_centres(context: &Context, rays: &mut [RayHitBlock], len: usize, counters: &mut Counters) -> u64 {
+    go_on(context, &mut Passing::default(), rays, len, |_, _, coverage| coverage >= 0.5, counters)
+}
+
+/// Rays whose hit is not met go on; `rays` then say what they meet in the end. `meets` is asked with lane, number of
+/// surfaces passed before, and coverage below 1.
+#[inline(always)]
+fn go_on(
+    context: &Context,
+    passing: &mut Passing,
+    rays: &mut [RayHitBlock],
+    len: usize,
+    meets: impl Fn(usize, u32, f32) -> bool,
+    counters: &mut Counters,
+) -> u64 {
+    let behind = |lane: usize, passed: u32, hit: &Hit, dir: Vec3| {
+        let (at, coverage) = sheer(context, hit)?;
+        (!meets(lane, passed, coverage)).then(|| float::spawn_origin(at.p, at.n_g, at.error, dir))
+    };
+    passing.clear(len);
+    for lane in 0..len {
+        let (block, i) = (&rays[lane / LANES], lane % LANES);
+        let (Some(hit), dir) = (block.hit(i), block.ray.dir(i)) else { continue };
+        if let Some(org) = behind(lane, 0, &hit, dir) {
             let pending = Pending { lane: lane as u32, passed: 1, carried: hit.t.into(), end: DVec3::INFINITY };
-            passing.put(passing.pending.len(), pending, org, rays.ray.dir(i), f32::INFINITY);
+            passing.put(passing.pending.len(), pending, org, dir, f32::INFINITY);
         }
     }
     let mut traced = 0;
@@ -145,48 +176,27 @@ pub fn closest<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32, counter
         let mut left = 0;
         for place in 0..passing.pending.len() {
             let pending = passing.pending[place];
-            let (block, i) = (pending.lane as usize / LANES, pending.lane as usize % LANES);
-            let found = passing.rays[place / LANES].hit(place % LANES);
-            let rays = &mut wave.current.rays[block];
-            let Some(hit) = found else {
-                (rays.hit.geom[i], rays.hit.inst[i]) = (INVALID_ID, INVALID_ID);
+            let (lane, i) = (pending.lane as usize, pending.lane as usize % LANES);
+            let block = &mut rays[lane / LANES];
+            let Some(hit) = passing.rays[place / LANES].hit(place % LANES) else {
+                (block.hit.geom[i], block.hit.inst[i]) = (INVALID_ID, INVALID_ID);
+                block.ray.tfar[i] = f32::INFINITY;
                 continue;
             };
-            let path = wave.current.paths[block].get(i);
-            let dir = rays.ray.dir(i);
+            let dir = block.ray.dir(i);
             let carried = pending.carried + f64::from(hit.t);
-            match passed::<S>(context, &hit, dir, (path.index, path.seed), (edge, pending.passed)) {
+            match behind(lane, pending.passed, &hit, dir) {
                 Some(org) => {
                     let pending = Pending { passed: pending.passed + 1, carried, ..pending };
                     passing.put(left, pending, org, dir, f32::INFINITY);
                     left += 1;
                 }
-                None => write(rays, i, &Hit { t: carried as f32, ..hit }),
+                None => write(block, i, &Hit { t: carried as f32, ..hit }),
             }
         }
         passing.pending.truncate(left);
     }
     traced
-}
-
-/// Where a ray of direction `dir` goes on that passes what it hit; `None` where it meets it. `sample`: index and seed;
-/// `place`: edge, and surfaces passed on it before.
-#[inline(always)]
-fn passed<S: Scheme>(
-    context: &Context,
-    hit: &Hit,
-    dir: Vec3,
-    sample: (u32, [u32; 2]),
-    place: (u32, u32),
-) -> Option<Vec3> {
-    let (at, coverage) = sheer(context, hit)?;
-    if coverage > 0.0 {
-        let (set, number) = dims::alpha(place.0, place.1)?;
-        if S::sample_4d(sample.0, sample.1, set)[number] < coverage {
-            return None;
-        }
-    }
-    Some(float::spawn_origin(at.p, at.n_g, at.error, dir))
 }
 
 #[inline(always)]
@@ -217,37 +227,40 @@ pub fn shadows(context: &Context, wave: &mut Wave, counters: &mut Counters) -> u
         traced += passing.trace(context, counters);
         let mut left = 0;
         for place in 0..passing.pending.len() {
-            let pending = passing.pending[place];
+            let mut pending = passing.pending[place];
             let (block, i) = (pending.lane as usize / LANES, pending.lane as usize % LANES);
-            let Some(hit) = passing.rays[place / LANES].hit(place % LANES) else {
-                if pending.passed > 0 {
-                    let radiance = &mut shadows.carried[block].radiance;
-                    radiance.iter_mut().for_each(|channel| channel[i] *= pending.carried as f32);
-                }
-                continue;
-            };
-            let dir = passing.rays[place / LANES].ray.dir(place % LANES);
-            let (carried, org, dir, tfar) = match sheer(context, &hit) {
-                None => (0.0, Vec3::ZERO, Vec3::Z, 0.0),
-                Some((at, coverage)) => {
-                    let org = float::spawn_origin(at.p, at.n_g, at.error, dir);
-                    // Aimed anew, so that the end stays where it falls short of the light.
-                    let way = pending.end - org.as_dvec3();
-                    let (dir, tfar) = match way.is_finite() {
-                        true => (way.normalize_or_zero().as_vec3(), way.length() as f32),
-                        false => (dir, f32::INFINITY),
-                    };
-                    (pending.carried * (1.0 - f64::from(coverage)), org, dir, tfar)
-                }
-            };
-            if carried > 0.0 && pending.passed < dims::MOST_PASSED {
-                passing.put(left, Pending { passed: pending.passed + 1, carried, ..pending }, org, dir, tfar);
-                left += 1;
-            } else {
+            let ray = &passing.rays[place / LANES];
+            let mut on = None;
+            if let Some(hit) = ray.hit(place % LANES) {
+                let sheer = sheer(context, &hit).filter(|_| pending.passed < dims::MOST_PASSED);
+                pending.carried *= sheer.as_ref().map_or(0.0, |(_, coverage)| 1.0 - f64::from(*coverage));
+                pending.passed += 1;
+                on = sheer.and_then(|(at, _)| segment_behind(&at, ray.ray.dir(place % LANES), pending.end));
+            }
+            if !(pending.carried > 0.0) {
                 shadows.rays[block].tfar[i] = BLOCKED;
+            } else if let Some((org, dir, tfar)) = on {
+                passing.put(left, pending, org, dir, tfar);
+                left += 1;
+            } else if pending.passed > 0 {
+                let radiance = &mut shadows.carried[block].radiance;
+                radiance.iter_mut().for_each(|channel| channel[i] *= pending.carried as f32);
             }
         }
         passing.pending.truncate(left);
     }
     traced
+}
+
+/// What is left of a shadow ray of direction `dir` behind the surface at `at`: origin, direction, length. Aimed anew, so that
+/// its end stays where it falls short of the light. `None` where nothing is left.
+#[inline(always)]
+fn segment_behind(at: &Interaction, dir: Vec3, end: DVec3) -> Option<(Vec3, Vec3, f32)> {
+    let org = float::spawn_origin(at.p, at.n_g, at.error, dir);
+    if !end.is_finite() {
+        return Some((org, dir, f32::INFINITY));
+    }
+    let way = end - org.as_dvec3();
+    let length = way.length();
+    (way.dot(dir.as_dvec3()) > 0.0).then(|| (org, (way / length).as_vec3(), length as f32))
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::raygen::{self, Chunk};
 use super::state::Wave;
-use super::{Context, Counters};
+use super::{Context, Counters, alpha};
 use crate::backend::Coherence;
 use crate::backend::batch::{Hit, LANES, RayHitBlock};
 use crate::film::aov::FirstHit;
@@ -43,6 +43,12 @@ fn filtered(context: &Context, wave: &mut Wave, samples: usize, hits: &mut [Firs
     let (len, blocks) = (wave.current.len, wave.current.blocks());
     counters.rays_camera += len as u64;
     context.backend.closest_hit(&mut wave.current.rays[..blocks], len, Coherence::Coherent);
+    if context.plan.features.alpha {
+        counters.rays_camera += match context.plan.sampler {
+            SamplerKind::Sobol => alpha::closest::<SobolScheme>(context, wave, 1, counters),
+            SamplerKind::Independent => alpha::closest::<IndependentScheme>(context, wave, 1, counters),
+        };
+    }
     for lane in 0..len {
         let (block, i) = (lane / LANES, lane % LANES);
         let rays = &wave.current.rays[block];
@@ -69,6 +75,9 @@ fn centred(context: &Context, pixels: &[(u32, u32)], hits: &mut [FirstHit], coun
     }
     counters.rays_camera += pixels.len() as u64;
     context.backend.closest_hit(&mut rays, pixels.len(), Coherence::Coherent);
+    if context.plan.features.alpha {
+        counters.rays_camera += alpha::closest_of_centres(context, &mut rays, pixels.len(), counters);
+    }
     for (lane, pixel) in hits.iter_mut().enumerate() {
         if let Some(hit) = rays[lane / LANES].hit(lane % LANES) {
             let p = Interaction::at(context.geometry, &hit, false).p;

@@ -178,6 +178,9 @@ impl Observer for Witness<'_> {
                         light.outcome = Shadow::NotTraced;
                     } else if wave.shadows.rays[0].tfar[0] == BLOCKED {
                         light.outcome = Shadow::Blocked;
+                    } else if self.context.plan.features.alpha {
+                        // Surfaces on the way have taken their share.
+                        light.contribution = triple(get(&wave.shadows.carried[0].radiance, 0));
                     }
                 }
             }

@@ -131,7 +131,7 @@ pub struct LightSample {
     pub f_cos: Triple,
     /// MIS weight.
     pub mis_weight: Number,
-    /// What it adds if nothing is in between.
+    /// What it adds if nothing is in between but surfaces that are there in part; what those let through is counted.
     pub contribution: Triple,
     /// What became of it.
     pub outcome: Shadow,

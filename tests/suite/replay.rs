@@ -6,14 +6,14 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use pathspace::backend::{BackendKind, QueryMode};
 use pathspace::film::Pixel;
 use pathspace::film::exr::read_exr;
 use pathspace::plan::options::{Crop, FilterKind, Lens, RenderOptions, SamplerKind, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::{Environment, Scene};
+use pathspace::scene::{AlphaMode, Environment, Instance, Material, MaterialId, Mesh, MeshId, Scene};
 use pathspace::wavefront::vertex::{End, Met, Shadow};
 use serde_json::Value;
 
@@ -99,6 +99,26 @@ fn replays_have_the_bits_of_the_film_under_every_option() {
     ];
     for (what, options) in cases {
         holds(what, &scene, options, 5);
+    }
+}
+
+/// Veils and a lamp that is there by half: rays pass them in a replay where they did in the render, and light that a veil dims is
+/// told dimmed.
+#[test]
+fn replays_pass_what_the_render_passed() {
+    let mut scene = every_lobe();
+    let veil = Material { base_alpha: 0.4, alpha_mode: AlphaMode::Blend, ..scene.materials[0].clone() };
+    scene.materials[1] = Material { base_alpha: 0.5, alpha_mode: AlphaMode::Blend, ..scene.materials[1].clone() };
+    scene.materials.push(veil);
+    for y in [-0.1, 0.3, 0.6] {
+        let positions = [[-0.9, y, -0.9], [0.9, y, -0.9], [0.9, y, 0.5], [-0.9, y, 0.5]].map(Vec3::from).to_vec();
+        let material = MaterialId(scene.materials.len() as u32 - 1);
+        scene.meshes.push(Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], material, ..Mesh::default() });
+        let mesh = MeshId(scene.meshes.len() as u32 - 1);
+        scene.instances.push(Instance { mesh, world_from_object: Affine3A::IDENTITY });
+    }
+    for &backend in BackendKind::available() {
+        holds(backend.name(), &scene, RenderOptions { backend: Some(backend), ..options(24, 24, 5) }, 7);
     }
 }
 

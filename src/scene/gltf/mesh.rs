@@ -261,8 +261,7 @@ impl<'d> Reader<'d> {
             if accessor.components == 3 {
                 color.w = 1.0;
             }
-            // NaN becomes 0.
-            let inside = color.to_array().map(|channel| channel.max(0.0).min(1.0));
+            let inside = color.to_array().map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) });
             clamped += usize::from(inside != color.to_array());
             Vec4::from_array(inside)
         };

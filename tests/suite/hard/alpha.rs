@@ -6,6 +6,7 @@
 
 use glam::{Affine3A, Vec2, Vec3};
 use pathspace::backend::{BackendKind, QueryMode};
+use pathspace::film::aov::Aov;
 use pathspace::plan::Gate;
 use pathspace::render::{RenderOptions, Strategy};
 use pathspace::scene::builder::SceneBuilder;
@@ -14,7 +15,7 @@ use pathspace::scene::{
 };
 
 use super::Case;
-use crate::common::{options, probe, render};
+use crate::common::{Estimate, options, probe, render};
 
 const ALPHA: f32 = 0.3;
 
@@ -238,6 +239,42 @@ fn b20_emitters_shine_where_they_are() {
                 let sees = 4.9 * found.standard_error(0) < 0.03 * expected;
                 case.row(what, expected, found.mean[0], format!("{z:.2} σ"), z.abs() <= 4.9 && sees);
             }
+        }
+    }
+    case.close();
+}
+
+/// Channels of the first hit look through what is cut out, and through veils that are there by less than half.
+#[test]
+fn b20_first_hits_look_through() {
+    let mut case = Case::open("B20e", "channels of the first hit", "albedo, position behind sheets");
+    let scene = |alpha: f32, mode: AlphaMode| {
+        let mut b = SceneBuilder::new();
+        let floor = b.lambert(Vec3::splat(0.25));
+        square(&mut b, 0.0, floor);
+        let sheet = b.material(Material { base_color: Vec3::ONE, alpha_mode: mode, ..sheet(alpha) });
+        square(&mut b, 0.5, sheet);
+        b.camera(Vec3::new(0.1, 3.0, 0.2), Vec3::new(0.1, 0.0, 0.2), Vec3::Z, 0.2);
+        b.build()
+    };
+    for &kind in BackendKind::available() {
+        for (what, alpha, mode, albedo, height) in [
+            ("opaque", 0.0, AlphaMode::Opaque, 1.0, 0.5),
+            ("cut out", 0.4, AlphaMode::Mask { cutoff: 0.5 }, 0.25, 0.0),
+            ("there", 0.6, AlphaMode::Mask { cutoff: 0.5 }, 1.0, 0.5),
+            ("a veil", 0.25, AlphaMode::Blend, 0.25 + 0.75 * 0.25, 0.0),
+        ] {
+            let aovs = vec![Aov::Albedo, Aov::Position];
+            let options = RenderOptions { backend: Some(kind), aovs, ..options(32, 32, 16) };
+            let hits = render(&scene(alpha, mode), options).first_hits.expect("asked for");
+            let estimate = Estimate::of(hits.iter().map(|hit| hit.albedo.map(f64::from)));
+            let name = format!("{}, {what}", kind.name());
+            if what == "a veil" {
+                case.mean(format!("{name}, albedo"), [albedo; 3], 0.0, 0.05, &estimate);
+            } else {
+                case.number(format!("{name}, albedo"), albedo, estimate.mean[0], 1e-6);
+            }
+            case.number(format!("{name}, height"), height, f64::from(hits[0].position[1]), 1e-6);
         }
     }
     case.close();

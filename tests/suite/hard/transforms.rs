@@ -36,11 +36,8 @@ fn leaning(n: u32, x: f32, smooth: bool) -> Scene {
         normals: smooth.then(|| vec![normal; positions.len()]),
         triangles: triangles.collect(),
         positions,
-        uvs: None,
-        more_uvs: Vec::new(),
-        tangents: None,
-        colors: None,
         material: white,
+        ..Mesh::default()
     };
     let mesh = b.full_mesh(mesh);
     for z in [0.0, -5.0] {
