@@ -5,6 +5,7 @@
 //! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
+mod accumulation;
 mod filters;
 mod frames;
 mod fresnel;
@@ -13,6 +14,8 @@ mod lens;
 mod microfacet;
 mod modes;
 mod normals;
+mod random;
+mod reproducible;
 mod table;
 mod white_furnace;
 

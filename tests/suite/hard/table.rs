@@ -18,7 +18,7 @@ fn print() {
         .filter(|path| path.extension().is_some_and(|e| e == "json"))
         .map(|path| serde_json::from_slice(&std::fs::read(path).expect("a record")).expect("a whole record"))
         .collect();
-    records.sort_by(|a, b| order(&a.id).cmp(&order(&b.id)));
+    records.sort_by_key(|record| order(&record.id));
     print!("{}", plain(&records));
     std::fs::write(folder.join("HARD.md"), markdown(&records)).expect("the table");
 }
