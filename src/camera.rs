@@ -14,10 +14,14 @@ use std::path::PathBuf;
 use glam::{DAffine3, DMat4, DVec3, DVec4, Vec2, Vec3};
 
 use crate::error::{Error, Result};
+use crate::math::float::UNIT_ROUNDOFF;
 use crate::math::warp::concentric_disk;
 use crate::scene::{Camera, Projection};
 
 pub use crate::plan::options::Lens;
+
+/// Roundings between the eye and a surface that it stands on, per coordinate: the eye, and three of the test.
+const START_ROUNDING: f32 = 4.0 * UNIT_ROUNDOFF;
 
 /// A camera made ready for one image size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +42,8 @@ pub struct CameraRays {
     /// Reciprocal distance of the plane in focus; 0 when it is at infinity or there is no lens.
     per_focus: f32,
     has_lens: bool,
+    /// See [`CameraRays::near`].
+    near: f32,
     world_from_camera: DAffine3,
     /// Half the size of the view at unit distance (perspective) or anywhere (parallel).
     half_size: (f64, f64),
@@ -65,7 +71,11 @@ impl CameraRays {
         let dy = DVec3::NEG_Y * (2.0 * half_size.1 / f64::from(resolution.1));
         let (eye_step, forward_step) = if parallel { (1.0, 0.0) } else { (0.0, 1.0) };
         let radius = lens.map_or(0.0, |l| f64::from(l.radius_m));
+        // The largest coordinate that an origin may have.
+        let across = if parallel { half_size.0.hypot(half_size.1) } else { radius };
+        let reach = camera.position().abs().max_element() + across as f32;
         Ok(CameraRays {
+            near: (START_ROUNDING * reach).max(f32::MIN_POSITIVE),
             center: Vec2::new(resolution.0 as f32, resolution.1 as f32) * 0.5,
             eye: camera.position(),
             eye_dx: to_world(dx * eye_step),
@@ -81,6 +91,13 @@ impl CameraRays {
             half_size,
             parallel,
         })
+    }
+
+    /// Where camera rays begin, metres along them: closer than this an f32 origin cannot tell one side of a surface from the
+    /// other. A camera that stands exactly on a surface does not see that surface.
+    #[inline(always)]
+    pub fn near(&self) -> f32 {
+        self.near
     }
 
     /// Whether rays need the lens' random numbers.

@@ -1,7 +1,7 @@
 //! Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
 //!
 //! Data flows one way; each module imports only from those above it:
-//! [`error`], [`math`], [`machine`] ← [`scene`] ← [`backend`] ← [`plan`] ← [`camera`], [`sampler`], [`texture`], [`shading`],
+//! [`error`], [`math`], [`machine`] ← [`texture`] ← [`scene`] ← [`backend`] ← [`plan`] ← [`camera`], [`sampler`], [`shading`],
 //! [`film`] ← [`wavefront`], [`accuracy`] ← [`render`] ← [`stats`], [`mod@bench`], [`study`], [`verify`] ← `cli`, `main`.
 //!
 //! Conventions everywhere: right-handed, +Y up, metres, radiance in W·sr⁻¹·m⁻² of linear Rec.709, pdfs in sr⁻¹ unless

@@ -9,7 +9,9 @@ use crate::backend::BackendInfo;
 use crate::plan::{Bias, Effects, RenderPlan};
 use crate::render::target::{CONFIDENCE, QUANTILES};
 use crate::render::{Render, RenderOptions};
-use crate::scene::Scene;
+use crate::scene::{Scene, Texels};
+use crate::texture::TextureStats;
+use crate::wavefront::Counters;
 
 /// Version of the keys below.
 pub const SCHEMA: u32 = 1;
@@ -55,7 +57,7 @@ pub struct Stats {
     pub bias: Vec<Bias>,
     /// The film's estimate of its own error; `null` until both halves of the film have samples.
     pub error: Option<ErrorStats>,
-    /// The first non-finite samples: pixel of the full image and sample index, for replay.
+    /// The first non-finite samples: pixel of the full image, sample index, bounce; `render --pixel` replays them.
     pub nonfinite_first: Vec<NonFiniteStats>,
     /// Rays refused because a component was NaN, infinite or out of range.
     pub invalid_rays: u64,
@@ -65,6 +67,34 @@ pub struct Stats {
     pub film_hash: String,
     /// What the pilot of an error target predicted; `null` without a target, or when it was met before the pilot ended.
     pub prediction: Option<PredictionStats>,
+    /// Textures: how often they were looked up, and what the tile cache did.
+    pub textures: TextureRecord,
+}
+
+/// Textures of a render.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TextureRecord {
+    /// Look-ups, of one to four texels each.
+    pub lookups: u64,
+    /// Bytes of texels in memory besides the cache.
+    pub held_bytes: u64,
+    /// The tile cache; zeros where everything is in memory.
+    #[serde(flatten)]
+    pub cache: TextureStats,
+}
+
+impl TextureRecord {
+    fn of(scene: &Scene, counters: &Counters) -> Self {
+        let (mut seen, mut held_bytes): (Vec<&Texels>, u64) = (Vec::new(), 0);
+        for texture in &scene.textures {
+            if !seen.iter().any(|texels| texels.shares(&texture.texels)) {
+                seen.push(&texture.texels);
+                held_bytes += texture.texels.bytes();
+            }
+        }
+        let cache = scene.textures.iter().find_map(|texture| texture.texels.cache_stats()).unwrap_or_default();
+        TextureRecord { lookups: counters.texture_lookups, held_bytes, cache }
+    }
 }
 
 /// Counts of a scene.
@@ -195,6 +225,9 @@ pub struct NonFiniteStats {
     pub pixel: [u32; 2],
     /// Sample index.
     pub sample: u64,
+    /// Scatterings of the path whose contribution was not finite; 0 for light seen directly. `null` where a replay of the
+    /// sample is finite.
+    pub bounce: Option<u32>,
 }
 
 impl SceneStats {
@@ -294,7 +327,7 @@ impl Stats {
             nonfinite_first: counters
                 .nonfinite_first
                 .iter()
-                .map(|n| NonFiniteStats { pixel: [n.pixel.0, n.pixel.1], sample: n.sample })
+                .map(|n| NonFiniteStats { pixel: [n.pixel.0, n.pixel.1], sample: n.sample, bounce: n.bounce })
                 .collect(),
             invalid_rays: counters.invalid_rays,
             capped_paths: counters.capped_paths,
@@ -309,6 +342,7 @@ impl Stats {
                 taken_s: seconds.render,
                 taken_spp: spp.min,
             }),
+            textures: TextureRecord::of(scene, counters),
         }
     }
 }

@@ -14,10 +14,7 @@ use glam::{DVec3, Vec3};
 
 use super::batch::{RayBlock, RayHitBlock};
 use crate::scene::geometry::Placement;
-
-/// A ray thinner than an f32 direction can express cannot tell a triangle from a line once its height is below 2⁻⁴⁰ of
-/// its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the edge's length.
-const LINE_HEIGHT: f64 = 1.0 / (1u64 << 40) as f64;
+pub(crate) use crate::scene::geometry::is_degenerate;
 
 /// A ray as the backends that are written in Rust trace it. `dir` needs no unit length.
 #[derive(Clone, Copy, Debug)]
@@ -284,17 +281,6 @@ fn lane_mask<const N: usize>(test: impl Fn(usize) -> bool) -> u32 {
         mask |= u32::from(test(i)) << i;
     }
     mask
-}
-
-/// True for a triangle that is a point or a line (see [`LINE_HEIGHT`]) or not finite; no backend written here reports it.
-pub(crate) fn is_degenerate(triangle: &[Vec3; 3]) -> bool {
-    if !triangle.iter().all(|v| v.is_finite()) {
-        return true;
-    }
-    let [a, b, c] = triangle.map(|v| v.as_dvec3());
-    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    // Twice the area = height · longest edge. `<=` also catches three equal points.
-    (b - a).cross(c - a).length() <= LINE_HEIGHT * longest2
 }
 
 #[cfg(test)]

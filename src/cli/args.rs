@@ -12,6 +12,7 @@ use crate::film::aov::Aov;
 use crate::film::filter::FilterKind;
 use crate::plan::options::ROULETTE_START;
 use crate::render::Crop;
+use crate::texture::load as loading;
 
 /// Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
 #[derive(Debug, Parser)]
@@ -52,15 +53,17 @@ pub enum Command {
     allow_negative_numbers = true,
     after_help = "\
 Of --spp, --time and --error the first that is met ends the render; with none of them it is 64 samples per pixel.\n\
-Example: pathspace render scene.gltf -o scene.exr --error 2% --time 10m --png scene.png"
+Example: pathspace render scene.gltf -o scene.exr --error 2% --time 10m --png scene.png\n\
+A pixel looks wrong? pathspace render scene.gltf --pixel 31,40 lists its samples; with --sample 7 the path of one is told.\n\
+Give the options of the picture itself (size, seed, filter, …): then they are the very paths of the picture, bit for bit."
 )]
 pub struct RenderArgs {
     /// Scene, .gltf or .glb
     pub scene: PathBuf,
 
     /// Picture to write, .exr (linear, float) or .png (8-bit sRGB preview)
-    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "FILE", required_unless_present = "pixel", help_heading = "Output")]
+    pub output: Option<PathBuf>,
     /// Also write an 8-bit sRGB preview
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     pub png: Option<PathBuf>,
@@ -97,6 +100,18 @@ pub struct RenderArgs {
     /// Samples per pixel before --error may stop the render; it also waits for 65536 samples over the picture
     #[arg(long, value_name = "N", default_value_t = 16, requires = "error", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping")]
     pub min_spp: u64,
+
+    /// Write no picture: list what each sample of this pixel of the full picture gave (--spp of them), the largest marked
+    #[arg(long, value_name = "X,Y", value_parser = units::pixel, help_heading = "Replay", conflicts_with_all = [
+        "output", "png", "exposure", "aov", "half", "stats", "reference", "error_log", "time", "error", "crop", "progress",
+    ])]
+    pub pixel: Option<(u32, u32)>,
+    /// Tell the path of this one sample, from 0, vertex by vertex: positions, normals, lobes, densities, weights, contributions
+    #[arg(long, value_name = "N", requires = "pixel", conflicts_with = "spp", help_heading = "Replay")]
+    pub sample: Option<u64>,
+    /// Print the replay as JSON
+    #[arg(long, requires = "pixel", help_heading = "Replay")]
+    pub json: bool,
 
     /// What is looked at, and how.
     #[command(flatten)]
@@ -142,6 +157,10 @@ pub struct SettingsArgs {
     /// The environment.
     #[command(flatten)]
     pub environment: EnvironmentArgs,
+
+    /// Textures.
+    #[command(flatten)]
+    pub textures: TextureArgs,
 
     /// Longest path in edges; 1 shows emitters only
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
@@ -197,6 +216,27 @@ pub struct EnvironmentArgs {
     pub env_intensity: f32,
 }
 
+/// How images become textures, as `render` and `info` take it.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct TextureArgs {
+    /// Memory of decoded textures, MB (2^20 bytes). If they need more, the largest stay in their files behind a cache of tiles: the
+    /// same picture, later. Files in tiles (.tx by maketx, tiled EXR) are looked up where they are, others are copied to TMPDIR first
+    #[arg(long, value_name = "MB", default_value_t = loading::DEFAULT_BYTES >> 20, value_parser = clap::value_parser!(u64).range(loading::LEAST_BYTES >> 20..=1 << 24), help_heading = "Textures")]
+    pub texture_memory: u64,
+    /// What an image does that is missing, broken or not finite: end the load with an error, or a warning and magenta in its place
+    #[arg(long, value_enum, default_value = "error", help_heading = "Textures")]
+    pub missing_texture: MissingTextureName,
+}
+
+/// Values of `--missing-texture`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MissingTextureName {
+    /// The load fails
+    Error,
+    /// A warning; colours are magenta, other data change nothing
+    Magenta,
+}
+
 /// `info`.
 #[derive(Debug, Args)]
 #[command(allow_negative_numbers = true)]
@@ -209,6 +249,9 @@ pub struct InfoArgs {
     /// The environment.
     #[command(flatten)]
     pub environment: EnvironmentArgs,
+    /// Textures.
+    #[command(flatten)]
+    pub textures: TextureArgs,
     /// Extra channels as `render` takes them, to see what they add to the plan
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser())]
     pub aov: Vec<Aov>,

@@ -12,10 +12,11 @@ use crate::scene::geometry::Geometry;
 const EXIT_UNUSABLE: u8 = 1;
 
 /// Packages that building needs on Debian; those of `scripts/setup.sh`.
-const PACKAGES: &str = "gcc libc6-dev make libembree-dev libclang-dev";
+const PACKAGES: &str = "gcc libc6-dev make libembree-dev libclang-dev g++ pkg-config libopenimageio-dev";
 
-/// Embree of each Debian, by `VERSION_ID`.
-const EMBREE: [(&str, &str); 2] = [("12", "Embree 3.13.5"), ("13", "Embree 4.3.3")];
+/// The libraries of each Debian, by `VERSION_ID`.
+const LIBRARIES: [(&str, &str); 2] =
+    [("12", "Embree 3.13.5, OpenImageIO 2.4"), ("13", "Embree 4.3.3, OpenImageIO 2.5")];
 
 /// Runs the command.
 pub fn run() -> Result<u8> {
@@ -34,16 +35,20 @@ pub fn run() -> Result<u8> {
         lines.push(format!("{:<11} {}", kind.name(), describe(built.as_ref().map(|b| b.info()))));
     }
 
+    lines.push(format!("images      {}", images()));
+
     let missing = cpu.missing();
     if !missing.is_empty() {
         lines.push(format!("missing     this build needs a processor with {}", missing.join(", ")));
     }
     let verdict = usable > 0 && missing.is_empty();
-    lines.push(match EMBREE.into_iter().find(|(version, _)| *version == release.version) {
-        Some((_, embree)) => format!("to build    apt-get install {PACKAGES}   ({embree})"),
-        None => "to build    on other systems: a C compiler (it links), make, libclang, Embree 3.13 or 4.x".into(),
+    lines.push(match LIBRARIES.into_iter().find(|(version, _)| *version == release.version) {
+        Some((_, libraries)) => format!("to build    apt-get install {PACKAGES}   ({libraries})"),
+        None => "to build    on other systems: a C++ compiler, make, pkg-config, libclang, Embree 3.13 or 4.x, OpenImageIO 2.4 or 2.5".into(),
     });
-    lines.push("            without Embree: a C compiler (gcc libc6-dev) is still needed, because it links;".into());
+    lines.push(
+        "            without the libraries: a C compiler (gcc libc6-dev) is still needed, because it links;".into(),
+    );
     lines.push("            then cargo build --release --no-default-features".into());
     lines.push(format!("verdict     {}\n", if verdict { "ready to render" } else { "cannot render" }));
     print(&lines.join("\n"))?;
@@ -57,6 +62,19 @@ fn describe(built: std::result::Result<&BackendInfo, &Error>) -> String {
         Err(Error::Backend { problem, .. }) => format!("not usable: {problem}"),
         Err(error) => format!("not usable: {error}"),
     }
+}
+
+/// Who reads images.
+#[cfg(feature = "oiio")]
+fn images() -> String {
+    let crate::texture::oiio::Version { number, file } = crate::texture::oiio::version();
+    format!("OpenImageIO {number}, linked dynamically ({file})")
+}
+
+/// Who reads images.
+#[cfg(not(feature = "oiio"))]
+fn images() -> String {
+    "PNG, JPEG, Radiance and OpenEXR by Rust crates; this build has no OpenImageIO, hence no texture cache".into()
 }
 
 struct Release {

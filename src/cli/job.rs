@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::args::{EnvironmentArgs, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch};
+use super::args::{
+    EnvironmentArgs, MissingTextureName, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch, TextureArgs,
+};
 use crate::backend::BackendKind;
 use crate::error::{Error, Result};
 use crate::film::Pixel;
@@ -17,7 +19,7 @@ use crate::plan::Gate;
 use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
 use crate::sampler::SamplerKind;
-use crate::scene::{Camera, Environment, Projection, Scene, Warning};
+use crate::scene::{Budget, Camera, Environment, LoadOptions, MissingTexture, Projection, Scene, Warning};
 
 /// Columns of a picture for which neither the command line nor the scene names a size.
 const DEFAULT_WIDTH: u32 = 1280;
@@ -54,10 +56,11 @@ impl Outputs {
     pub fn check(args: &RenderArgs) -> Result<Self> {
         let (stats, error_log) = (args.stats.clone(), args.error_log.clone());
         let mut outputs = Outputs { stats, error_log, ..Outputs::default() };
-        match extension(&args.output).as_deref() {
-            Some("exr") => outputs.exr = Some(args.output.clone()),
-            Some("png") => outputs.pngs.push(args.output.clone()),
-            _ => return refuse("--output", format!("{}: the name must end in .exr or .png", args.output.display())),
+        let Some(output) = &args.output else { return refuse("--output", "a picture to write is missing".into()) };
+        match extension(output).as_deref() {
+            Some("exr") => outputs.exr = Some(output.clone()),
+            Some("png") => outputs.pngs.push(output.clone()),
+            _ => return refuse("--output", format!("{}: the name must end in .exr or .png", output.display())),
         }
         if let Some(png) = &args.png {
             if extension(png).as_deref() != Some("png") {
@@ -191,8 +194,8 @@ impl<'a> EnvironmentRequest<'a> {
 }
 
 /// Loads a scene and its environment. A scene without any light gets a constant white one, and a warning.
-pub fn load(path: &Path, environment: Option<EnvironmentRequest>) -> Result<Scene> {
-    let mut scene = Scene::load(path)?;
+pub fn load(path: &Path, environment: Option<EnvironmentRequest>, textures: TextureArgs) -> Result<Scene> {
+    let mut scene = Scene::load_with(path, &load_options(textures))?;
     if let Some(request) = environment {
         scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)?;
     } else if !has_light(&scene) {
@@ -203,6 +206,16 @@ pub fn load(path: &Path, environment: Option<EnvironmentRequest>) -> Result<Scen
         });
     }
     Ok(scene)
+}
+
+fn load_options(args: TextureArgs) -> LoadOptions {
+    LoadOptions {
+        texture_budget: Budget { bytes: args.texture_memory << 20, ..Budget::default() },
+        missing_texture: match args.missing_texture {
+            MissingTextureName::Error => MissingTexture::Error,
+            MissingTextureName::Magenta => MissingTexture::Magenta,
+        },
+    }
 }
 
 /// Whether anything in the scene shines: an emissive surface that is placed, a punctual light, an environment.

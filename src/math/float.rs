@@ -16,7 +16,7 @@
 //! vanishes for those in a coordinate plane. It is Embree's (robust) and Möller–Trumbore's row; a test on sheared vertices
 //! must sum the depth of a hit in f64 instead, else its weights' rounding is amplified whatever the direction.
 //!
-//! Checked by `tests/suite/spawn.rs` (HARDCASES G07, G08, G19) on every backend: no re-hit in 10⁷ rays; with any one
+//! Checked by `tests/suite/hard/spawn.rs` (HARDCASES G07, G08, G19) on every backend: no re-hit in 10⁷ rays; with any one
 //! row left out re-hits appear, with all of them halved only the first two rows fail (5000 of 2.5·10⁶ at ±1e-4 around 1).
 
 use glam::{Affine3A, Mat3A, Vec3};

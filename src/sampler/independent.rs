@@ -12,6 +12,8 @@ use super::{Scheme, unit_float};
 pub struct IndependentScheme;
 
 impl Scheme for IndependentScheme {
+    const WIDE: bool = false;
+
     #[inline(always)]
     fn sample_4d(index: u32, seed: [u32; 2], set: u32) -> [f32; 4] {
         independent_4d(index, seed, set).map(unit_float)

@@ -48,6 +48,9 @@ impl FromStr for SamplerKind {
 
 /// A sampler as a type, so that loops over lanes are compiled for it.
 pub trait Scheme {
+    /// Whether renders in production use it, so that loops over lanes are compiled for wider registers as well.
+    const WIDE: bool;
+
     /// Point `index` of dimension set `set` under the seed of [`pixel_seed`]; each component in [0,1).
     fn sample_4d(index: u32, seed: [u32; 2], set: u32) -> [f32; 4];
 }

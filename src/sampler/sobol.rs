@@ -18,6 +18,8 @@ use super::{Scheme, unit_float};
 pub struct SobolScheme;
 
 impl Scheme for SobolScheme {
+    const WIDE: bool = true;
+
     #[inline(always)]
     fn sample_4d(index: u32, seed: [u32; 2], set: u32) -> [f32; 4] {
         sobol_4d(index, seed, set)

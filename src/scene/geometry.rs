@@ -4,6 +4,8 @@
 //! instanced at one level. Each triangle has one 64-byte record (a cache line) with everything flat shading needs;
 //! vertex attributes are looked up only where the plan shades with them.
 
+use std::collections::HashSet;
+
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3, Vec4};
 
 use super::{Instance, Material, Mesh, Scene};
@@ -16,6 +18,14 @@ pub const BAKE_MESH_TRIANGLES: usize = 1024;
 
 /// Baked copies of repeated meshes may have this many triangles together (about 160 B each with their hierarchy).
 pub const BAKE_TRIANGLE_BUDGET: u64 = 1 << 20;
+
+/// A ray thinner than an f32 direction can express cannot tell a triangle from a line once its height is below 2⁻⁴⁰ of
+/// its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the edge's length.
+const LINE_HEIGHT: f64 = 1.0 / (1u64 << 40) as f64;
+
+/// Largest coordinate, metres: beyond it the squares in ray–triangle tests overflow f32 (√f32::MAX ≈ 1.8e19; Embree itself
+/// drops vertices beyond 1.8e18).
+pub(crate) const LARGEST_COORDINATE_M: f32 = 1e18;
 
 /// "No vertex attributes" in [`Triangle::attributes`].
 pub const NO_ATTRIBUTES: u32 = u32::MAX;
@@ -51,6 +61,18 @@ impl Triangle {
         let (e1, e2) = (Vec3::from(self.e1).as_dvec3(), Vec3::from(self.e2).as_dvec3());
         (0.5 * e1.cross(e2).length()) as f32
     }
+}
+
+/// True for a triangle that is a point, a line (see [`LINE_HEIGHT`]), not finite or out of range. No such triangle is traced.
+pub(crate) fn is_degenerate(triangle: &[Vec3; 3]) -> bool {
+    // Also true of NaN.
+    if !triangle.iter().all(|v| v.abs().cmple(Vec3::splat(LARGEST_COORDINATE_M)).all()) {
+        return true;
+    }
+    let [a, b, c] = triangle.map(|v| v.as_dvec3());
+    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    // Twice the area = height · longest edge. `<=` also catches three equal points.
+    (b - a).cross(c - a).length() <= LINE_HEIGHT * longest2
 }
 
 /// The largest hit error over the corners.
@@ -92,28 +114,49 @@ pub struct Geometry {
     /// One record per triangle of every mesh.
     pub triangles: Vec<Triangle>,
     /// Unit normals at the corners of the triangles that have attributes. Triangles with tangents come first, then those
-    /// with texture coordinates, then those with normals alone, so that the shorter arrays below are prefixes.
+    /// with texture coordinates, then those with normals alone, so that the shorter arrays below are prefixes. (Those with
+    /// extras come before all, in the same order, and have every array filled.)
     pub normals: Vec<[Vec3; 3]>,
     /// Texture coordinates at the corners; only triangles whose material reads a texture have them.
     pub uvs: Vec<[Vec2; 3]>,
+    /// Channels 1 and up of the texture coordinates, each as long as `colors` or empty.
+    pub more_uvs: Vec<Vec<[Vec2; 3]>>,
+    /// Vertex colours at the corners. Triangles with colours or more than one channel come before all others; among them,
+    /// those without have white here.
+    pub colors: Vec<[Vec4; 3]>,
     /// Tangents and the bitangent's sign at the corners; only triangles whose material has a normal map have them.
     pub tangents: Vec<[Vec4; 3]>,
     /// World-space bounds over all placements: min and max; min > max when there is nothing.
     pub bounds: (Vec3, Vec3),
     /// Triangles without area that were left out while baking.
     pub dropped_degenerate: usize,
+    /// Emissive triangles that were left out because another one has the same corners and faces the same way.
+    pub dropped_lamps: usize,
 }
 
 /// Which attributes a mesh's triangles carry, richest first: the order in which meshes are laid out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Attributes {
+    /// Colours or more than one channel of texture coordinates, and a place for all the others.
+    Extras,
     Tangents,
     Uvs,
     Normals,
     None,
 }
 
+/// Whether a mesh has attributes beyond [`Attributes`] that its material reads: colours, or more than one channel of
+/// texture coordinates.
+fn has_extras(mesh: &Mesh, material: &Material) -> bool {
+    (material.vertex_colors && mesh.colors.is_some()) || (mesh.uvs.is_some() && material.uv_channels() > 1)
+}
+
 impl Attributes {
+    /// What triangles get arrays for: those with extras for all.
+    fn laid_out(mesh: &Mesh, material: &Material) -> Self {
+        if has_extras(mesh, material) { Attributes::Extras } else { Attributes::of(mesh, material) }
+    }
+
     fn of(mesh: &Mesh, material: &Material) -> Self {
         if mesh.uvs.is_some() && mesh.tangents.is_some() && material.normal_texture.is_some() {
             Attributes::Tangents
@@ -138,18 +181,24 @@ impl Geometry {
         // mesh (`first_triangle`), attribute indices are global.
         let mut world = MeshRecords::default();
         let mut instanced: Vec<(u32, MeshRecords)> = Vec::new();
-        for richness in [Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None] {
+        let extras = |mesh: &&Mesh| has_extras(mesh, &scene.materials[mesh.material.index()]);
+        let placed = scene.instances.iter().map(|instance| &scene.meshes[instance.mesh.index()]);
+        let channels = placed.filter(extras).map(|mesh| mesh.more_uvs.len()).max();
+        geometry.more_uvs.resize_with(channels.unwrap_or(0), Vec::new);
+        for richness in
+            [Attributes::Extras, Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None]
+        {
             for instance in &scene.instances {
                 let mesh = &scene.meshes[instance.mesh.index()];
                 let material = &scene.materials[mesh.material.index()];
-                if baked[instance.mesh.index()] && Attributes::of(mesh, material) == richness {
+                if baked[instance.mesh.index()] && Attributes::laid_out(mesh, material) == richness {
                     geometry.bake(&mut world, mesh, richness, &instance.world_from_object);
                 }
             }
             for (id, mesh) in scene.meshes.iter().enumerate() {
                 let material = &scene.materials[mesh.material.index()];
                 let placed = scene.instances.iter().any(|i| i.mesh.index() == id);
-                if !baked[id] && placed && Attributes::of(mesh, material) == richness {
+                if !baked[id] && placed && Attributes::laid_out(mesh, material) == richness {
                     let mut records = MeshRecords::default();
                     geometry.bake(&mut records, mesh, richness, &Affine3A::IDENTITY);
                     instanced.push((id as u32, records));
@@ -157,6 +206,7 @@ impl Geometry {
             }
         }
 
+        geometry.dropped_lamps = world.drop_copied_lamps(&scene.materials);
         geometry.append(world);
         let mut mesh_of = vec![0u32; scene.meshes.len()];
         for (id, records) in instanced {
@@ -178,6 +228,22 @@ impl Geometry {
     #[inline(always)]
     pub fn triangle(&self, geom: u32, prim: u32) -> &Triangle {
         &self.triangles[(self.meshes[geom as usize].first_triangle + prim) as usize]
+    }
+
+    /// Texture coordinates of channel `channel` on a triangle of these [`Triangle::attributes`], by the weights of its second
+    /// and third corner; `None` where it has none.
+    #[inline(always)]
+    pub fn uv(&self, attributes: u32, channel: u32, [u, v]: [f32; 2]) -> Option<Vec2> {
+        let uvs = if channel == 0 { &self.uvs } else { self.more_uvs.get(channel as usize - 1)? };
+        let [a, b, c] = uvs.get(attributes as usize)?;
+        Some(*a * (1.0 - u - v) + *b * u + *c * v)
+    }
+
+    /// Vertex colour, as [`uv`](Self::uv); white where the triangle has none.
+    #[inline(always)]
+    pub fn color(&self, attributes: u32, [u, v]: [f32; 2]) -> Vec4 {
+        let Some([a, b, c]) = self.colors.get(attributes as usize) else { return Vec4::ONE };
+        *a + (*b - *a) * u + (*c - *a) * v
     }
 
     /// Radius of the sphere around the bounds' centre that holds everything, metres; 1 when there is nothing.
@@ -212,7 +278,7 @@ impl Geometry {
             let cross = (v1 - v0).as_dvec3().cross((v2 - v0).as_dvec3());
             let exact = (v1.as_dvec3() - v0.as_dvec3()).cross(v2.as_dvec3() - v0.as_dvec3());
             let twice_area = exact.length();
-            if !(twice_area > 0.0 && twice_area.is_finite() && cross.length() > 0.0) {
+            if is_degenerate(&[v0, v1, v2]) || !(twice_area.is_finite() && cross.length() > 0.0) {
                 self.dropped_degenerate += 1;
                 continue;
             }
@@ -252,15 +318,24 @@ impl Geometry {
             }),
             None => [n_g; 3],
         });
-        if let (true, Some(uvs)) = (richness <= Attributes::Uvs, &mesh.uvs) {
-            self.uvs.push(at.map(|i| if uvs[i].is_finite() { uvs[i] } else { Vec2::ZERO }));
+        let finite = |uvs: &Vec<Vec2>| at.map(|i| if uvs[i].is_finite() { uvs[i] } else { Vec2::ZERO });
+        if richness <= Attributes::Uvs {
+            self.uvs.push(mesh.uvs.as_ref().map_or([Vec2::ZERO; 3], finite));
         }
-        if let (Attributes::Tangents, Some(tangents)) = (richness, &mesh.tangents) {
+        if richness == Attributes::Extras {
+            for (channel, uvs) in self.more_uvs.iter_mut().enumerate() {
+                uvs.push(mesh.more_uvs.get(channel).map_or([Vec2::ZERO; 3], finite));
+            }
+            self.colors.push(mesh.colors.as_ref().map_or([Vec4::ONE; 3], |colors| at.map(|i| colors[i])));
+        }
+        if richness <= Attributes::Tangents {
             let linear = normal_matrix.inverse().transpose();
-            self.tangents.push(at.map(|i| {
-                let t = (linear * tangents[i].truncate().as_dvec3()).normalize_or_zero().as_vec3();
-                t.extend(if linear.determinant() < 0.0 { -tangents[i].w } else { tangents[i].w })
-            }));
+            let placed = |tangent: Vec4| {
+                let t = (linear * tangent.truncate().as_dvec3()).normalize_or_zero().as_vec3();
+                t.extend(if linear.determinant() < 0.0 { -tangent.w } else { tangent.w })
+            };
+            let tangents = mesh.tangents.as_ref();
+            self.tangents.push(tangents.map_or([Vec4::ZERO; 3], |tangents| at.map(|i| placed(tangents[i]))));
         }
         (self.normals.len() - 1) as u32
     }
@@ -306,6 +381,45 @@ impl Geometry {
 struct MeshRecords {
     mesh: TriangleMesh,
     records: Vec<Triangle>,
+}
+
+impl MeshRecords {
+    /// Leaves out emissive triangles that repeat the corners of an earlier one in the same turn, and says how many: a ray meets
+    /// one of the two, but light sampling would find both, and the picture would depend on who found the light. Lamps that
+    /// overlap otherwise (cut another way, moved a little, back to back) are not recognised.
+    fn drop_copied_lamps(&mut self, materials: &[Material]) -> usize {
+        let mut seen = HashSet::new();
+        let vertices = &self.mesh.vertices;
+        let keep: Vec<bool> = (self.mesh.indices.iter().zip(&self.records))
+            .map(|(corners, record)| {
+                !materials[record.material as usize].is_emissive() || {
+                    // Whichever corner comes first, and whatever the sign of a zero.
+                    let mut bits = corners.map(|i| (vertices[i as usize] + Vec3::ZERO).to_array().map(f32::to_bits));
+                    let least = (0..3).min_by_key(|&i| bits[i]).expect("three corners");
+                    bits.rotate_left(least);
+                    // A mirroring placement has swapped two corners, so their turn says where the front is.
+                    seen.insert(bits)
+                }
+            })
+            .collect();
+        let mut kept = keep.iter();
+        self.mesh.indices.retain(|_| *kept.next().expect("a verdict each"));
+        let mut kept = keep.iter();
+        self.records.retain(|_| *kept.next().expect("a verdict each"));
+        keep.len() - self.records.len()
+    }
+}
+
+/// How many emissive triangles repeat others: what [`Geometry::dropped_lamps`] will be.
+pub(crate) fn copied_lamps(scene: &Scene) -> usize {
+    let (mut geometry, mut lamps) = (Geometry::default(), MeshRecords::default());
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        if scene.materials[mesh.material.index()].is_emissive() {
+            geometry.bake(&mut lamps, mesh, Attributes::None, &instance.world_from_object);
+        }
+    }
+    lamps.drop_copied_lamps(&scene.materials)
 }
 
 /// Which meshes are baked: emissive ones (lights need world triangles), those placed once, and small repeated

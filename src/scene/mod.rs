@@ -2,12 +2,13 @@
 //! [`builder`] does so from code (tests, library users), [`geometry`] flattens it for tracing and shading.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
+pub mod alpha;
 pub mod builder;
 pub mod camera;
+mod fold;
 pub mod geometry;
 pub mod gltf;
 pub mod ids;
@@ -16,13 +17,16 @@ pub mod light;
 pub mod material;
 pub mod validate;
 
+pub use crate::texture::load::Budget;
+pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
+pub use alpha::AlphaMode;
 pub use camera::{Camera, Projection};
 pub use ids::{MaterialId, MeshId, TextureId};
 pub use light::{Environment, PunctualKind, PunctualLight};
 pub use material::{Material, TextureSlot};
 
 /// Triangles of one glTF primitive, in object space.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// `mesh name/primitive N`.
     pub name: String,
@@ -32,9 +36,14 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Unit vertex normals, or `None` for flat shading.
     pub normals: Option<Vec<Vec3>>,
-    /// `TEXCOORD_0`.
+    /// Texture coordinates of channel 0: of the file's set that the material's first texture reads, transformed as it asks.
     pub uvs: Option<Vec<Vec2>>,
-    /// Unit tangents with the bitangent's sign in w; present whenever a normal map needs them.
+    /// Channels 1 and up, for materials whose textures read different sets or transform them differently.
+    pub more_uvs: Vec<Vec<Vec2>>,
+    /// `COLOR_0`: linear RGB and alpha in [0, 1]; read where the material says so ([`Material::vertex_colors`]).
+    pub colors: Option<Vec<Vec4>>,
+    /// Unit tangents with the bitangent's sign in w, in the channel that the normal map reads; present whenever it needs
+    /// them.
     pub tangents: Option<Vec<Vec4>>,
     /// What the surface is made of.
     pub material: MaterialId,
@@ -48,47 +57,6 @@ pub struct Instance {
     /// Object to world, relative to [`Scene::origin`]; invertible and finite. A negative determinant mirrors: the
     /// front side of a triangle is then the other winding (glTF 2.0 §3.7.4).
     pub world_from_object: Affine3A,
-}
-
-/// How texture coordinates outside [0,1) are folded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wrap {
-    /// glTF 10497.
-    Repeat,
-    /// glTF 33648.
-    MirroredRepeat,
-    /// glTF 33071.
-    ClampToEdge,
-}
-
-/// How stored texel values map to linear ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColorSpace {
-    /// Base colour and emissive: decoded by the sRGB curve before filtering.
-    Srgb,
-    /// Data: metallic-roughness and normals.
-    Linear,
-}
-
-/// Decoded image and its sampler.
-#[derive(Clone, Debug)]
-pub struct Texture {
-    /// File name, or `image N`.
-    pub name: String,
-    /// Columns, > 0.
-    pub width: usize,
-    /// Rows, > 0.
-    pub height: usize,
-    /// RGBA, 8 bits a channel as stored, row-major from the top; 16-bit sources are rounded.
-    pub texels: Arc<[[u8; 4]]>,
-    /// How to read `texels`.
-    pub color_space: ColorSpace,
-    /// Horizontal wrap.
-    pub wrap_u: Wrap,
-    /// Vertical wrap.
-    pub wrap_v: Wrap,
-    /// False for the NEAREST magnification filter.
-    pub bilinear: bool,
 }
 
 /// Something the user should know that does not stop the work.
@@ -136,6 +104,25 @@ pub struct Scene {
     pub dropped: Dropped,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+}
+
+/// What a load can be told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Memory of textures, and who decodes them.
+    pub texture_budget: Budget,
+    /// What an image that cannot be used does.
+    pub missing_texture: MissingTexture,
+}
+
+/// What becomes of an image that is missing, broken, empty, or not finite.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MissingTexture {
+    /// It ends the load.
+    #[default]
+    Error,
+    /// A warning; colours are magenta, data change nothing.
+    Magenta,
 }
 
 impl Scene {

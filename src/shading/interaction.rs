@@ -26,8 +26,6 @@ pub struct Interaction {
     pub light: u32,
     /// Corner attributes of the triangle, or [`NO_ATTRIBUTES`].
     attributes: u32,
-    /// Instance, for tangents.
-    inst: u32,
     /// Barycentric weights of the second and third corner.
     barycentric: [f32; 2],
 }
@@ -66,33 +64,50 @@ impl Interaction {
             material: triangle.material,
             light: triangle.light,
             attributes: triangle.attributes,
-            inst: hit.inst,
             barycentric: [hit.u, hit.v],
         }
     }
 
-    /// Texture coordinates; `None` where the triangle has none.
+    /// Texture coordinates of channel 0; `None` where the triangle has none.
     #[inline(always)]
     pub fn uv(&self, geometry: &Geometry) -> Option<Vec2> {
-        let [a, b, c] = geometry.uvs.get(self.attributes as usize)?;
-        let [u, v] = self.barycentric;
-        Some(*a * (1.0 - u - v) + *b * u + *c * v)
+        geometry.uv(self.attributes, 0, self.barycentric)
     }
 
-    /// World tangent and the bitangent's sign; `None` where the triangle has none or it is degenerate.
+    /// Texture coordinates of any channel; of channel 0 where the triangle has no other.
     #[inline(always)]
-    pub fn tangent(&self, geometry: &Geometry) -> Option<Vec4> {
-        let [a, b, c] = geometry.tangents.get(self.attributes as usize)?;
-        let mut t = interpolate(a.truncate(), b.truncate(), c.truncate(), self.barycentric[0], self.barycentric[1]);
-        let mut sign = a.w;
-        if self.inst != INVALID_ID {
-            let m = &geometry.instances[self.inst as usize].world_from_object.matrix3;
-            t = *m * t;
-            sign *= m.determinant().signum();
-        }
-        let t = (t - self.n_s * self.n_s.dot(t)).try_normalize()?;
-        Some(t.extend(sign))
+    pub fn uv_of(&self, geometry: &Geometry, channel: u32) -> Option<Vec2> {
+        geometry.uv(self.attributes, channel, self.barycentric).or_else(|| self.uv(geometry))
     }
+
+    /// Vertex colour, linear RGB and alpha; white where the triangle has none.
+    #[inline(always)]
+    pub fn color(&self, geometry: &Geometry) -> Vec4 {
+        geometry.color(self.attributes, self.barycentric)
+    }
+
+    /// Where corner attributes of the triangle are found, and the weights of its second and third corner.
+    #[inline(always)]
+    pub fn corner(&self) -> (u32, [f32; 2]) {
+        (self.attributes, self.barycentric)
+    }
+}
+
+/// World tangent at a hit, across the shading normal `n_s` of the front side, and the bitangent's sign; `None` where the triangle has
+/// none or it is degenerate.
+#[inline(always)]
+pub fn tangent(geometry: &Geometry, hit: &Hit, n_s: Vec3) -> Option<Vec4> {
+    let attributes = geometry.triangle(hit.geom, hit.prim).attributes;
+    let [a, b, c] = geometry.tangents.get(attributes as usize)?;
+    let mut t = interpolate(a.truncate(), b.truncate(), c.truncate(), hit.u, hit.v);
+    let mut sign = a.w;
+    if hit.inst != INVALID_ID {
+        let m = &geometry.instances[hit.inst as usize].world_from_object.matrix3;
+        t = *m * t;
+        sign *= m.determinant().signum();
+    }
+    let t = (t - n_s * n_s.dot(t)).try_normalize()?;
+    Some(t.extend(sign))
 }
 
 /// Tilts `n_s` by a decoded normal-map value (x, y, z in [−1,1], already scaled). Falls back to `n_s` where the map is
@@ -107,12 +122,13 @@ pub fn tilt(n_s: Vec3, tangent: Vec4, map: Vec3) -> Vec3 {
 
 /// Written on differences, so that three equal corners give that value exactly: a flat triangle stays flat.
 #[inline(always)]
-fn interpolate(a: Vec3, b: Vec3, c: Vec3, u: f32, v: f32) -> Vec3 {
+pub fn interpolate(a: Vec3, b: Vec3, c: Vec3, u: f32, v: f32) -> Vec3 {
     a + (b - a) * u + (c - a) * v
 }
 
+/// `v` at unit length; `fallback` where it has no direction.
 #[inline(always)]
-fn unit_or(v: Vec3, fallback: Vec3) -> Vec3 {
+pub fn unit_or(v: Vec3, fallback: Vec3) -> Vec3 {
     let length2 = v.length_squared();
     if length2 > f32::MIN_POSITIVE && length2 < f32::INFINITY { v * (1.0 / length2.sqrt()) } else { fallback }
 }

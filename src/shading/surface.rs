@@ -83,11 +83,11 @@ impl<'t> Surface<'t> {
             }
         }
 
-        let f0 = reflectance_at_normal(material);
         if metallic == 0.0 && material.specular == 0.0 {
             return if base_color == Vec3::ZERO { Surface::Black } else { Surface::Lambert { albedo: base_color } };
         }
-        let params = GlossyParams { base_color, metallic, alpha, f0, f90: material.specular };
+        let params =
+            GlossyParams { base_color, metallic, alpha, f0: reflectance_at_normal(material), f90: material.specular };
         Surface::Glossy(Glossy::new(&params, tables))
     }
 
@@ -128,6 +128,20 @@ impl<'t> Surface<'t> {
     #[inline(always)]
     pub fn is_transmissive(&self) -> bool {
         matches!(self, Surface::Dielectric(_))
+    }
+}
+
+/// The lobes of an opaque material with its textured factors. Without metal and coat they are Lambert's exactly, up to the rounding of
+/// a weight: what [`Surface::from_material`] tells apart.
+#[inline(always)]
+pub fn opaque(material: &Material, textured: &Textured) -> GlossyParams {
+    let roughness = textured.roughness.clamp(0.0, 1.0);
+    GlossyParams {
+        base_color: textured.base_color.clamp(Vec3::ZERO, Vec3::ONE),
+        metallic: textured.metallic.clamp(0.0, 1.0),
+        alpha: roughness * roughness,
+        f0: reflectance_at_normal(material),
+        f90: material.specular,
     }
 }
 

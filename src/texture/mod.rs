@@ -1,35 +1,128 @@
-//! Texture look-ups: what [`scene::Texture`](crate::scene::Texture) is at a texture coordinate, in linear values.
+//! Textures: decoding, where texels are kept, and look-ups in linear values.
 //!
-//! Source: glTF 2.0 §3.8.4: v = 0 is the top row, texel centres lie at (i + ½)/width. sRGB is decoded before filtering.
-//! Coordinates that are not finite are taken as 0. Limits: no minification filter; a coordinate of 10⁶ keeps only four bits
-//! of its fraction in f32, so that such textures look blocky.
+//! Source: glTF 2.0 §3.8.4: v = 0 is the top row, texel centres lie at (i + ½)/width. The sRGB curve is decoded before anything is
+//! averaged (§3.9.2: "To achieve correct filtering, the transfer function SHOULD be decoded before performing linear interpolation").
+//! Coordinates that are not finite are taken as 0. Limit: a coordinate of 10⁶ keeps only four bits of its fraction in f32, so
+//! that such textures look blocky.
 
+mod crates;
+pub mod decode;
+pub mod load;
+#[cfg(feature = "oiio")]
+#[allow(unsafe_code)] // Fence 2 of 3: the shim over OpenImageIO.
+pub mod oiio;
+mod pyramid;
+#[cfg(feature = "oiio")]
+mod scratch;
 mod srgb;
+mod stats;
+#[cfg(feature = "oiio")]
+pub mod stored;
+mod texels;
+pub mod udim;
 
 use glam::{Vec2, Vec4};
 
-use crate::scene::{ColorSpace, Texture, Wrap};
 pub use srgb::SRGB_TO_LINEAR;
+pub use stats::{TextureStats, take_lookups};
+pub use texels::{ColorSpace, Plane, Rows, Texels, Texture, Wrap};
 
-/// Value of a texture at `uv`: RGB in linear units, alpha as stored, all within 0 and 1.
+/// Value of a texture at `uv`: RGB in linear units, alpha as stored; all within 0 and 1 unless the image holds floats.
 #[inline]
 pub fn lookup(texture: &Texture, uv: Vec2) -> Vec4 {
-    let x = texel_coordinate(uv.x, texture.width, texture.wrap_u);
-    let y = texel_coordinate(uv.y, texture.height, texture.wrap_v);
-    if !texture.bilinear {
-        let (column, row) =
-            (wrapped(x.floor(), texture.width, texture.wrap_u), wrapped(y.floor(), texture.height, texture.wrap_v));
-        return texel(texture, column, row);
+    stats::count_lookup();
+    match (&texture.texels, texture.color_space) {
+        (Texels::Eight(plane), ColorSpace::Linear) => {
+            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| linear(plane.base[y * texture.width + x]))
+        }
+        (Texels::Eight(plane), ColorSpace::Srgb) => {
+            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| srgb(plane.base[y * texture.width + x]))
+        }
+        (Texels::Float(plane), _) => Taps::new(texture, texture.width, texture.height, uv)
+            .mix(|x, y| Vec4::from_array(plane.base[y * texture.width + x])),
+        _ => lookup_elsewhere(texture, uv),
     }
-    // Texel centres lie half a texel inside.
-    let (x, y) = (x - 0.5, y - 0.5);
-    let (left, top) = (x.floor(), y.floor());
-    let columns = [wrapped(left, texture.width, texture.wrap_u), wrapped(left + 1.0, texture.width, texture.wrap_u)];
-    let rows = [wrapped(top, texture.height, texture.wrap_v), wrapped(top + 1.0, texture.height, texture.wrap_v)];
-    let (right_weight, bottom_weight) = (x - left, y - top);
-    let upper = texel(texture, columns[0], rows[0]).lerp(texel(texture, columns[1], rows[0]), right_weight);
-    let lower = texel(texture, columns[0], rows[1]).lerp(texel(texture, columns[1], rows[1]), right_weight);
-    upper.lerp(lower, bottom_weight)
+}
+
+/// As [`lookup`], for texels that are not in memory or in several images.
+#[inline(never)]
+fn lookup_elsewhere(texture: &Texture, uv: Vec2) -> Vec4 {
+    match &texture.texels {
+        #[cfg(feature = "oiio")]
+        Texels::Stored(stored) => stored.lookup(texture, uv),
+        Texels::Udim(udim) => match udim.at(uv) {
+            Some((page, uv)) => lookup(page, uv),
+            None => udim::Udim::ABSENT,
+        },
+        _ => unreachable!("texels in memory are looked up above"),
+    }
+}
+
+#[inline(always)]
+fn linear(texel: [u8; 4]) -> Vec4 {
+    const STEP: f32 = 1.0 / 255.0;
+    Vec4::from_array(texel.map(f32::from)) * STEP
+}
+
+#[inline(always)]
+fn srgb([r, g, b, a]: [u8; 4]) -> Vec4 {
+    const STEP: f32 = 1.0 / 255.0;
+    let [r, g, b] = [r, g, b].map(|channel| SRGB_TO_LINEAR[usize::from(channel)]);
+    Vec4::new(r, g, b, f32::from(a) * STEP)
+}
+
+/// The texels that a look-up reads, and their weights.
+#[derive(Clone, Copy, Debug)]
+struct Taps {
+    columns: [usize; 2],
+    rows: [usize; 2],
+    /// Of the second column and of the second row; 0 without interpolation.
+    right_weight: f32,
+    bottom_weight: f32,
+    bilinear: bool,
+}
+
+impl Taps {
+    /// For a level of that size.
+    #[inline(always)]
+    fn new(texture: &Texture, width: usize, height: usize, uv: Vec2) -> Self {
+        let x = texel_coordinate(uv.x, width, texture.wrap_u);
+        let y = texel_coordinate(uv.y, height, texture.wrap_v);
+        if !texture.bilinear {
+            let column = wrapped(x as i32, width, texture.wrap_u);
+            let row = wrapped(y as i32, height, texture.wrap_v);
+            return Taps {
+                columns: [column; 2],
+                rows: [row; 2],
+                right_weight: 0.0,
+                bottom_weight: 0.0,
+                bilinear: false,
+            };
+        }
+        // Texel centres lie half a texel inside.
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let (i, j) = (left as i32, top as i32);
+        Taps {
+            columns: [wrapped(i, width, texture.wrap_u), wrapped(i + 1, width, texture.wrap_u)],
+            rows: [wrapped(j, height, texture.wrap_v), wrapped(j + 1, height, texture.wrap_v)],
+            right_weight: x - left,
+            bottom_weight: y - top,
+            bilinear: true,
+        }
+    }
+
+    /// The weighted mean of what `texel` says.
+    #[inline(always)]
+    fn mix(&self, texel: impl Fn(usize, usize) -> Vec4) -> Vec4 {
+        let ([left, right], [top, bottom]) = (self.columns, self.rows);
+        if !self.bilinear {
+            return texel(left, top);
+        }
+        let upper = texel(left, top).lerp(texel(right, top), self.right_weight);
+        let lower = texel(left, bottom).lerp(texel(right, bottom), self.right_weight);
+        upper.lerp(lower, self.bottom_weight)
+    }
 }
 
 /// `t` folded to one period and scaled to texels: [0, size], or [0, 2·size] when mirrored.
@@ -46,10 +139,10 @@ fn texel_coordinate(t: f32, size: usize, wrap: Wrap) -> f32 {
 }
 
 /// Column or row of the texel numbered `place`, an integer from −1 to the period: one step outside at most, so that no
-/// division is needed.
+/// division is needed. Sizes are at most [`decode::MOST_TEXELS`].
 #[inline(always)]
-fn wrapped(place: f32, size: usize, wrap: Wrap) -> usize {
-    let (place, size) = (place as i64, size as i64);
+fn wrapped(place: i32, size: usize, wrap: Wrap) -> usize {
+    let size = size as i32;
     let period = if wrap == Wrap::MirroredRepeat { 2 * size } else { size };
     let folded = match wrap {
         Wrap::ClampToEdge => place.clamp(0, size - 1),
@@ -59,15 +152,4 @@ fn wrapped(place: f32, size: usize, wrap: Wrap) -> usize {
     };
     // The second half of a mirrored period runs backwards.
     if folded < size { folded as usize } else { (period - 1 - folded) as usize }
-}
-
-#[inline(always)]
-fn texel(texture: &Texture, column: usize, row: usize) -> Vec4 {
-    const STEP: f32 = 1.0 / 255.0;
-    let [r, g, b, a] = texture.texels[row * texture.width + column];
-    let rgb = match texture.color_space {
-        ColorSpace::Srgb => [r, g, b].map(|channel| SRGB_TO_LINEAR[usize::from(channel)]),
-        ColorSpace::Linear => [r, g, b].map(|channel| f32::from(channel) * STEP),
-    };
-    Vec4::new(rgb[0], rgb[1], rgb[2], f32::from(a) * STEP)
 }

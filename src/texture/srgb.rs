@@ -37,6 +37,17 @@ pub static SRGB_TO_LINEAR: [f32; 256] = [
     0.9559733, 0.9646863, 0.9734453, 0.9822506, 0.9911021, 1.0,
 ];
 
+/// Linear value of an sRGB-encoded one in [0, 1].
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    let c = f64::from(encoded);
+    (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+}
+
+/// The inverse: sRGB-encoded value of a linear one in [0, 1].
+pub(super) fn linear_to_srgb(linear: f64) -> f64 {
+    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,6 +59,8 @@ mod tests {
             let c = code as f64 / 255.0;
             let curve = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
             assert!((f64::from(linear) - curve).abs() <= f64::from(f32::EPSILON) * curve, "{code}");
+            assert!((linear_to_srgb(curve) - c).abs() < 1e-6, "{code}");
+            assert!((srgb_to_linear(c as f32) - linear).abs() <= 4.0 * f32::EPSILON * linear, "{code}");
         }
     }
 }

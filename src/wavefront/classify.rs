@@ -1,11 +1,13 @@
 //! After tracing: rays that left the scene meet the environment; the others are sorted by kind of kernel. Blocks full of
-//! Lambert surfaces are shaded where they lie; what is sparse goes through a queue.
+//! one kind are shaded where they lie; what is sparse goes through a queue.
 
 use super::Context;
+use super::columns::{ZERO, ZERO3, get, set};
 use super::estimator;
-use super::queue::Kind;
+use super::queue::{KINDS, Kind};
 use super::state::Wave;
 use crate::backend::batch::{INVALID_ID, LANES};
+use crate::shading::light::environment::MapPoint;
 
 /// Lanes of one kind above which a block is shaded where it lies, its other lanes idle: gathering a lane costs about as
 /// much as shading it.
@@ -42,28 +44,29 @@ pub fn run(context: &Context, wave: &mut Wave, edge: u32) {
 
 /// The lanes of `hit` that are shaded in place; the others enter the queue of their kind.
 #[inline(always)]
-fn sort(context: &Context, wave: &mut Wave, block: usize, hit: u16) -> u16 {
+fn sort(context: &Context, wave: &mut Wave, block: usize, hit: u16) -> (Kind, u16) {
     let hits = &wave.current.rays[block].hit;
-    let lambert = match context.only_kind {
-        Some(Kind::Lambert) => hit,
-        Some(Kind::General) => 0,
+    let mut of_kind = [0u16; KINDS];
+    match context.only_kind {
+        Some(kind) => of_kind[kind as usize] = hit,
         None => {
-            let mut lambert = 0u16;
             for i in lanes_of(hit) {
                 let material = context.geometry.triangle(hits.geom[i], hits.prim[i]).material;
-                lambert |= u16::from(context.kinds[material as usize] == Kind::Lambert) << i;
+                of_kind[context.kinds[material as usize] as usize] |= 1 << i;
             }
-            lambert
         }
-    };
-    let first = (block * LANES) as u32;
-    wave.queues[Kind::General as usize].extend(lanes_of(hit & !lambert).map(|i| first + i as u32));
-    if lambert.count_ones() > DENSE {
-        lambert
-    } else {
-        wave.queues[Kind::Lambert as usize].extend(lanes_of(lambert).map(|i| first + i as u32));
-        0
     }
+    let first = (block * LANES) as u32;
+    let mut dense = (Kind::Lambert, 0);
+    for kind in Kind::ALL {
+        let lanes = of_kind[kind as usize];
+        if lanes.count_ones() > DENSE {
+            dense = (kind, lanes);
+        } else {
+            wave.queues[kind as usize].extend(lanes_of(lanes).map(|i| first + i as u32));
+        }
+    }
+    dense
 }
 
 #[inline(always)]
@@ -73,20 +76,30 @@ fn cover(wave: &mut Wave, block: usize, seen: u16) {
     }
 }
 
-/// Radiance of the environment for the lanes that left the scene.
+/// Radiance of the environment for the lanes that left the scene. A loop a step, so that the waits for memory of the lanes overlap.
 #[inline(always)]
 fn escape(context: &Context, wave: &mut Wave, block: usize, missed: u16, edge: u32) {
+    let Some(light) = context.lights.environment().filter(|_| missed != 0) else { return };
+    let (ray, paths) = (&wave.current.rays[block].ray, &wave.current.paths[block]);
+    let mut points = [MapPoint::default(); LANES];
+    for i in 0..LANES {
+        points[i] = light.map_point(ray.dir(i));
+    }
+    let mut light_pdf = ZERO;
+    if context.plan.samples_lights() {
+        for i in lanes_of(missed) {
+            light_pdf[i] = context.lights.p_environment(ray.org(i), get(&paths.last_n, i)) * light.pdf_at(points[i]);
+        }
+    }
+    let mut radiance = ZERO3;
     for i in lanes_of(missed) {
-        let ray = &wave.current.rays[block].ray;
-        let path = wave.current.paths[block].get(i);
-        let dir = ray.dir(i);
-        let seen = context.lights.environment_seen(dir, ray.org(i), path.last_n);
-        let light_pdf = if context.plan.samples_lights() { seen.pdf_sa } else { 0.0 };
-        let weight = estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf);
+        set(&mut radiance, i, light.lookup(points[i]));
+    }
+    for i in lanes_of(missed) {
+        let weight = estimator::emission_weight(context.plan.strategy, paths.last_pdf_sa[i], light_pdf[i]);
         // Inside an absorbing solid the way to infinity absorbs everything.
-        let absorbed = context.absorbs_fully(path.medium);
-        if weight > 0.0 && !absorbed {
-            wave.add(path.slot, edge, path.beta * seen.radiance * weight);
+        if weight > 0.0 && !context.absorbs_fully(paths.medium[i]) {
+            wave.sums.add(paths.slot[i], edge, get(&paths.beta, i) * get(&radiance, i) * weight);
         }
     }
 }

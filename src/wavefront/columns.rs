@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::isa::Isa;
 use crate::backend::batch::{INVALID_ID, LANES, RayHitBlock};
 use crate::scene::geometry::{Geometry, NO_ATTRIBUTES};
-use crate::shading::interaction::Interaction;
+use crate::shading::interaction::{self, Interaction};
 
 /// One number per lane.
 pub type Lane = [f32; LANES];
@@ -74,21 +74,19 @@ pub struct Points {
 }
 
 impl Points {
-    /// Looks the hits of the lanes in `lanes` (not empty) up; the other lanes repeat one of them. Flat triangles of the world
-    /// mesh are computed in columns, with the numbers of [`Interaction::at`]; `special` says that others may be among them
-    /// (smooth normals, instances): those lanes are replaced one by one.
+    /// Looks the hits of the lanes in `lanes` (not empty) up; the other lanes repeat one of them. Triangles of the world mesh are
+    /// computed in columns, with the numbers of [`Interaction::at`]. `smooth` and `instanced` say what may be among them; instanced
+    /// lanes are replaced one by one.
     #[inline(always)]
-    pub fn gather<I: Isa>(geometry: &Geometry, rays: &RayHitBlock, lanes: u16, smooth: bool, special: bool) -> Self {
+    pub fn gather<I: Isa>(geometry: &Geometry, rays: &RayHitBlock, lanes: u16, smooth: bool, instanced: bool) -> Self {
         let lead = lanes.trailing_zeros() as usize % LANES;
-        let mut singular = [false; LANES];
         let rows = std::array::from_fn(|i| {
             let lane = if lanes >> i & 1 == 1 { i } else { lead };
             let triangle = geometry.triangle(rays.hit.geom[lane], rays.hit.prim[lane]);
-            singular[i] = special && (triangle.attributes != NO_ATTRIBUTES || rays.hit.inst[lane] != INVALID_ID);
             bytemuck::cast_ref(triangle)
         });
         // In the order of the fields of `Triangle`.
-        let [x0, y0, z0, x1, y1, z1, x2, y2, z2, nx, ny, nz, material, _, error, light] = I::transpose(rows);
+        let [x0, y0, z0, x1, y1, z1, x2, y2, z2, nx, ny, nz, material, attributes, error, light] = I::transpose(rows);
         let (v0, e1, e2) = ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]);
         let mut p = ZERO3;
         for axis in 0..3 {
@@ -100,14 +98,42 @@ impl Points {
         let n_g = [nx, ny, nz];
         let (material, light) = (bytemuck::cast(material), bytemuck::cast(light));
         let mut points = Points { p, error, n_g, n_s: n_g, material, light };
-        if special {
+        if smooth {
+            points.interpolate_normals(geometry, rays, &bytemuck::cast(attributes));
+        }
+        if instanced {
             for i in 0..LANES {
-                if singular[i] && lanes >> i & 1 == 1 {
+                if rays.hit.inst[i] != INVALID_ID && lanes >> i & 1 == 1 {
                     points.replace(i, &Interaction::at(geometry, &rays.hit_unchecked(i), smooth));
                 }
             }
         }
         points
+    }
+
+    /// As [`Interaction::at`] does: a triangle whose corners repeat its own normal keeps it to the bit.
+    #[inline(always)]
+    fn interpolate_normals(&mut self, geometry: &Geometry, rays: &RayHitBlock, attributes: &[u32; LANES]) {
+        let mut corners = [self.n_g; 3];
+        for i in 0..LANES {
+            if attributes[i] != NO_ATTRIBUTES {
+                for (corner, normal) in corners.iter_mut().zip(geometry.normals[attributes[i] as usize]) {
+                    set(corner, i, normal);
+                }
+            }
+        }
+        for i in 0..LANES {
+            let [a, b, c] = [get(&corners[0], i), get(&corners[1], i), get(&corners[2], i)];
+            let n_g = get(&self.n_g, i);
+            let n = interaction::interpolate(a, b, c, rays.hit.u[i], rays.hit.v[i]);
+            let length2 = n.length_squared();
+            let same = |v: Vec3| (v.x == n_g.x) & (v.y == n_g.y) & (v.z == n_g.z);
+            let keep = (same(a) & same(b) & same(c)) | !((length2 > f32::MIN_POSITIVE) & (length2 < f32::INFINITY));
+            let unit = n * (1.0 / length2.sqrt());
+            self.n_s[0][i] = if keep { n_g.x } else { unit.x };
+            self.n_s[1][i] = if keep { n_g.y } else { unit.y };
+            self.n_s[2][i] = if keep { n_g.z } else { unit.z };
+        }
     }
 
     #[inline(always)]

@@ -63,7 +63,9 @@ fn centred(context: &Context, pixels: &[(u32, u32)], hits: &mut [FirstHit], coun
     let mut rays = vec![RayHitBlock::EMPTY; pixels.len().div_ceil(LANES)];
     for (lane, &(x, y)) in pixels.iter().enumerate() {
         let (org, dir) = context.camera.pinhole_ray(x as f32 + 0.5, y as f32 + 0.5);
-        rays[lane / LANES].ray.set(lane % LANES, org, dir, f32::INFINITY);
+        let block = &mut rays[lane / LANES].ray;
+        block.set(lane % LANES, org, dir, f32::INFINITY);
+        block.tnear[lane % LANES] = context.camera.near();
     }
     counters.rays_camera += pixels.len() as u64;
     context.backend.closest_hit(&mut rays, pixels.len(), Coherence::Coherent);
@@ -87,10 +89,14 @@ impl First {
     fn at(context: &Context, hit: &Hit, dir: Vec3) -> Self {
         let at = Interaction::at(context.geometry, hit, context.plan.features.smooth_normals);
         let material = &context.scene.materials[at.material as usize];
-        let texel = match (material.base_color_texture, at.uv(context.geometry)) {
+        let slot = material.base_color_texture;
+        let mut texel = match (slot, slot.and_then(|slot| at.uv_of(context.geometry, slot.uv_set))) {
             (Some(slot), Some(uv)) => texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate(),
             _ => Vec3::ONE,
         };
+        if material.vertex_colors {
+            texel *= at.color(context.geometry).truncate();
+        }
         let normal = if at.n_g.dot(dir) > 0.0 { -at.n_s } else { at.n_s };
         First { albedo: material.base_color * texel, normal }
     }

@@ -5,19 +5,28 @@
 //! threads nor tiles: a pixel's samples are added in ascending order.
 
 pub mod accumulate;
+pub mod alpha;
 pub mod capped;
 pub mod classify;
 pub mod columns;
+pub mod emission;
 pub mod estimator;
+pub mod factors;
 pub mod first_hit;
-#[allow(unsafe_code)] // Fence 2 of 2: calls into code compiled for AVX-512.
+pub mod general;
+#[allow(unsafe_code)] // Fence 3 of 3: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
 pub mod light_sample;
+pub mod observe;
+pub mod opaque;
 pub mod queue;
 pub mod raygen;
+pub mod replay;
 pub mod shade;
 pub mod state;
+pub mod vertex;
+pub mod vertices;
 
 use glam::Vec3;
 
@@ -32,8 +41,13 @@ use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
+use crate::texture;
 use capped::Capped;
+use general::Surfaces;
 use isa::Isa;
+use lambert::LambertLanes;
+use observe::{Observer, Stage};
+use opaque::OpaqueLanes;
 use queue::Kind;
 use raygen::Chunk;
 use state::{Carried, NO_MEDIUM, Wave};
@@ -62,8 +76,12 @@ pub struct Context<'a> {
     pub carried: Carried,
     /// The one light of the scene with its radiance, if it is an untextured area light.
     pub only_area: Option<(&'a AreaLight, Vec3)>,
+    /// Where surfaces are there.
+    pub alpha: &'a alpha::AlphaTable,
     /// Directional albedo of dielectric coats; empty when no material has one.
     pub albedo: &'a SpecularAlbedo,
+    /// Who looks at the wave between the stages; nobody in a render.
+    pub observer: Option<&'a dyn Observer>,
 }
 
 impl Context<'_> {
@@ -71,7 +89,7 @@ impl Context<'_> {
     fn absorbs_fully(&self, medium: u32) -> bool {
         medium != NO_MEDIUM
             && self.plan.features.absorption
-            && shade::transmittance(&self.scene.materials[medium as usize], f32::MAX) == Vec3::ZERO
+            && emission::transmittance(&self.scene.materials[medium as usize], f32::MAX) == Vec3::ZERO
     }
 }
 
@@ -96,6 +114,8 @@ pub struct Counters {
     pub capped_paths: u64,
     /// What those could still have carried.
     pub capped: Capped,
+    /// Look-ups of textures.
+    pub texture_lookups: u64,
 }
 
 impl Counters {
@@ -115,9 +135,17 @@ impl Counters {
         self.nonfinite += other.nonfinite;
         self.capped_paths += other.capped_paths;
         self.capped.merge(&other.capped);
-        self.nonfinite_first.extend_from_slice(&other.nonfinite_first);
-        self.nonfinite_first.sort_by_key(|n| (n.sample, n.pixel.1, n.pixel.0));
-        self.nonfinite_first.truncate(accumulate::NONFINITE_LISTED);
+        self.texture_lookups += other.texture_lookups;
+        other.nonfinite_first.iter().for_each(|&met| self.list(met));
+    }
+
+    /// Keeps the first non-finite samples in order of sample, row and column: the same ones whatever the order in which
+    /// they are met.
+    fn list(&mut self, met: NonFinite) {
+        let listed = &mut self.nonfinite_first;
+        let at = listed.partition_point(|other| other.place() < met.place());
+        listed.insert(at, met);
+        listed.truncate(accumulate::NONFINITE_LISTED);
     }
 }
 
@@ -128,6 +156,16 @@ pub struct NonFinite {
     pub pixel: (u32, u32),
     /// Sample index of the pixel.
     pub sample: u64,
+    /// Scatterings of the path whose contribution it was (0: light seen directly). Found by a replay at the end of the
+    /// render; `None` until then.
+    pub bounce: Option<u32>,
+}
+
+impl NonFinite {
+    /// The order in which samples are listed, which is no matter of tiles and passes.
+    fn place(&self) -> (u64, u32, u32) {
+        (self.sample, self.pixel.1, self.pixel.0)
+    }
 }
 
 /// Renders the samples of `chunk` (which must fit the wave) into `pixels`, one per pixel of the chunk.
@@ -160,24 +198,38 @@ fn run_inline<S: Scheme, I: Isa>(
         let blocks = wave.current.blocks();
         let current = &mut wave.current;
         counters.invalid_rays += context.backend.closest_hit(&mut current.rays[..blocks], current.len, coherence);
+        if edge == 1 {
+            raygen::start_at_origin(&mut wave.current.rays[..blocks]);
+        }
 
+        if context.plan.features.alpha {
+            let traced = alpha::closest::<S>(context, wave, edge, counters);
+            *(if edge == 1 { &mut counters.rays_camera } else { &mut counters.rays_bounce }) += traced;
+        }
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
-        counters.capped_paths += lambert::run::<S, I>(context, wave, edge);
-        counters.capped_paths += shade::run::<S>(context, wave, edge);
+        counters.capped_paths += I::shade::<LambertLanes, S>(context, wave, Kind::Lambert, edge);
+        counters.capped_paths += I::shade::<OpaqueLanes, S>(context, wave, Kind::Opaque, edge);
+        counters.capped_paths += I::shade::<Surfaces, S>(context, wave, Kind::General, edge);
+        observe::look(context, Stage::Shaded, edge, wave);
 
-        if wave.shadows.len > 0 {
+        if wave.shadows.len > 0 && context.plan.features.alpha {
+            counters.rays_shadow += alpha::shadows(context, wave, counters);
+            accumulate::shadows(wave, edge + 1);
+        } else if wave.shadows.len > 0 {
             counters.rays_shadow += wave.shadows.len as u64;
             let blocks = wave.shadows.blocks();
             let shadows = &mut wave.shadows;
             counters.invalid_rays += context.backend.any_hit(&mut shadows.rays[..blocks], shadows.len, coherence);
             accumulate::shadows(wave, edge + 1);
         }
+        observe::look(context, Stage::Connected, edge, wave);
         std::mem::swap(&mut wave.current, &mut wave.next);
         coherence = Coherence::Incoherent;
         edge += 1;
     }
     counters.capped.merge(&std::mem::take(&mut wave.sums.capped));
+    counters.texture_lookups += texture::take_lookups();
     accumulate::samples(chunk, wave, pixels, counters);
 }

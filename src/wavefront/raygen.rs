@@ -3,7 +3,7 @@
 
 use super::Context;
 use super::state::{Gathered, PathBlock, Wave};
-use crate::backend::batch::LANES;
+use crate::backend::batch::{LANES, RayHitBlock};
 use crate::film::filter::FilterSample;
 use crate::film::lengths::LENGTHS;
 use crate::sampler::{self, Scheme, dims};
@@ -31,7 +31,7 @@ impl Chunk<'_> {
 }
 
 /// Fills `wave.current` with the camera rays of `chunk` and resets what the samples gather. Sixteen slots at a time: slots
-/// are lanes here.
+/// are lanes here. Camera rays alone begin away from their origin: see [`start_at_origin`].
 #[inline(always)]
 pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
     let (len, columns) = (chunk.len(), u64::from(context.plan.resolution.0));
@@ -86,8 +86,17 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
                 rays.set(i, org, dir, f32::INFINITY);
             }
         }
+        rays.tnear = [context.camera.near(); LANES];
     }
     wave.sums.per_length.fill([[0.0; 3]; LENGTHS]);
+}
+
+/// Once camera rays are traced, their blocks are used again for rays that begin where they start.
+#[inline(always)]
+pub fn start_at_origin(blocks: &mut [RayHitBlock]) {
+    for block in blocks {
+        block.ray.tnear = [0.0; LANES];
+    }
 }
 
 /// A camera sample of a chunk, advanced without divisions.

@@ -1,314 +1,251 @@
-//! The general kernel: any material, one lane at a time. Emission, roulette, a light sample, a BSDF sample: gathers a
-//! lane, calls pure functions of numbers, scatters survivors to the next edge and shadow rays to their batch.
+//! Shading, sixteen lanes at a time: emission, roulette, a light sample, a BSDF sample. Survivors go to the next edge, shadow
+//! rays to their batch. Every step is a branch-free loop over columns that LLVM turns into vector code, or a short loop over
+//! lanes where something has to be looked up.
+//!
+//! How a surface scatters is the business of a kernel ([`Bsdfs`]); this page is the same for all of them. Kernels give the
+//! same bits where more than one could serve, which tests hold them to.
 
-use glam::Vec3;
+use std::mem;
 
+use super::Context;
+use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set};
+use super::isa::Isa;
+use super::light_sample::LightLanes;
 use super::queue::Kind;
-use super::state::{NO_MEDIUM, PathLane, Wave};
-use super::{Context, estimator};
-use crate::backend::batch::LANES;
+use super::state::{Carried, PathBlock, Paths, ShadowLanes, Shadows, Sums, Survivors, Wave};
+use super::vertices::Vertices;
+use crate::backend::batch::{LANES, RayHitBlock};
 use crate::math::float;
-use crate::math::frame::Frame;
-use crate::plan::options::Roulette;
+use crate::plan::options::Strategy;
 use crate::sampler::{Scheme, dims};
-use crate::scene::{Material, TextureSlot};
-use crate::shading::bsdf::BsdfSample;
-use crate::shading::interaction::{self, Interaction};
-use crate::shading::light::{EmitterHit, TexturePoint};
-use crate::shading::roulette;
-use crate::shading::surface::{Surface, Textured};
-use crate::texture;
+use crate::shading::mis;
 
-/// What a lane met, as numbers.
-struct Vertex {
-    /// Where.
-    at: Interaction,
-    /// Unit direction to where the path came from.
-    wo: Vec3,
-    /// Length of the last edge, metres.
-    t: f32,
-    /// Whether `wo` lies on the authored front side.
-    front: bool,
+/// The scattering functions of sixteen lanes.
+pub trait Bsdfs<'c>: Sized {
+    /// Whether unlit surfaces may be among the lanes.
+    const UNLIT: bool;
+
+    /// Looks the materials of the active lanes up. Switches off lanes that scatter nothing, and may replace shading normals.
+    fn resolve(context: &Context<'c>, rays: &RayHitBlock, vertices: &mut Vertices, u_material: &Lane) -> Self;
+
+    /// Active lanes for which a light sample can find anything; all of them if `at_deltas`.
+    fn lit(&self, vertices: &Vertices, at_deltas: bool) -> Mask;
+
+    /// Normals with which lights are chosen, 0 where light from both sides counts.
+    fn receiver_n(&self, vertices: &Vertices) -> Lane3;
+
+    /// f·|cos θ_i| and the density of `sample` for unit world directions; 0 where nothing can be scattered.
+    fn eval(&self, vertices: &Vertices, wi: &Lane3) -> Scattered;
+
+    /// Draws directions by `u[0]` (lobe), `u[1]`, `u[2]`: fills all of `to` but its origins, `to.beta` with weights f·|cos θ_i|/pdf. Returns
+    /// the lanes that go on.
+    fn sample(&self, context: &Context, vertices: &Vertices, u: &[Lane; 4], to: &mut Survivors) -> Mask;
 }
 
-/// Shades every lane of the general queue. Returns how many paths the depth limit ended.
+/// What [`Bsdfs::eval`] finds.
+#[repr(C, align(64))]
+pub struct Scattered {
+    /// f·|cos θ_i|, sr⁻¹.
+    pub f_cos: Lane3,
+    /// Density, sr⁻¹.
+    pub pdf_sa: Lane,
+}
+
+/// Where a block's shadow rays, survivors and emission go.
+struct Outputs<'w> {
+    next: &'w mut Paths,
+    shadows: &'w mut Shadows,
+    sums: &'w mut Sums,
+}
+
+/// Shades the lanes of one kind: dense blocks where they lie, then the queue. Returns how many paths the depth limit ended.
 #[inline(always)]
-pub fn run<S: Scheme>(context: &Context, wave: &mut Wave, edge: u32) -> u64 {
-    let mut capped = 0;
-    let queue = std::mem::take(&mut wave.queues[Kind::General as usize]);
-    for &lane in &queue {
-        let (block, i) = (lane as usize / LANES, lane as usize % LANES);
-        let rays = &wave.current.rays[block];
-        let path = wave.current.paths[block].get(i);
-        let hit = rays.hit_unchecked(i);
-        let (org, dir) = (rays.ray.org(i), rays.ray.dir(i));
-        let at = Interaction::at(context.geometry, &hit, context.plan.features.smooth_normals);
-        let front = at.n_g.dot(dir) < 0.0;
-        let vertex = Vertex { at, wo: -dir, t: hit.t, front };
-        capped += shade_lane::<S>(context, wave, path, org, &vertex, edge) as u64;
+pub fn run<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(context: &Context<'c>, wave: &mut Wave, kind: Kind, edge: u32) -> u64 {
+    if context.only_kind.is_some_and(|only| only != kind) {
+        return 0;
     }
-    wave.queues[Kind::General as usize] = queue;
+    let blocks = wave.current.blocks();
+    let queue = mem::take(&mut wave.queues[kind as usize]);
+    let Wave { current, next, shadows, dense, sums, .. } = wave;
+    let mut outputs = Outputs { next, shadows, sums };
+    let mut capped = 0;
+    for block in 0..blocks {
+        let (of, lanes) = dense[block];
+        if of == kind && lanes != 0 {
+            let (rays, paths) = (&current.rays[block], &current.paths[block]);
+            capped += shade_block::<B, S, I>(context, rays, paths, lanes, &mut outputs, edge);
+        }
+    }
+    for lanes in queue.chunks(LANES) {
+        let (rays, paths) = pack(current, lanes);
+        let lanes = (0xFFFFu32 >> (LANES - lanes.len())) as u16;
+        capped += shade_block::<B, S, I>(context, &rays, &paths, lanes, &mut outputs, edge);
+    }
+    wave.queues[kind as usize] = queue;
     capped
 }
 
-/// One lane. Returns whether the depth limit ended a path that could have gone on.
-#[inline(always)]
-fn shade_lane<S: Scheme>(
-    context: &Context,
-    wave: &mut Wave,
-    mut path: PathLane,
-    org: Vec3,
-    vertex: &Vertex,
-    edge: u32,
-) -> bool {
-    let plan = context.plan;
-    let material = &context.scene.materials[vertex.at.material as usize];
-    if plan.features.absorption {
-        path.beta *= absorption(context, material, &path, vertex);
+/// Copies scattered lanes into one block.
+fn pack(current: &Paths, lanes: &[u32]) -> (RayHitBlock, PathBlock) {
+    let (mut rays, mut paths) = (RayHitBlock::EMPTY, PathBlock::EMPTY);
+    for (to, &lane) in lanes.iter().enumerate() {
+        let (block, i) = (lane as usize / LANES, lane as usize % LANES);
+        let from = &current.rays[block];
+        rays.ray.set(to, from.ray.org(i), from.ray.dir(i), from.ray.tfar[i]);
+        rays.hit.u[to] = from.hit.u[i];
+        rays.hit.v[to] = from.hit.v[i];
+        rays.hit.prim[to] = from.hit.prim[i];
+        rays.hit.geom[to] = from.hit.geom[i];
+        rays.hit.inst[to] = from.hit.inst[i];
+        paths.set(to, &current.paths[block].get(i));
     }
+    (rays, paths)
+}
 
-    // Light that the surface gives by itself ends here or was found by the last BSDF sample.
-    if material.unlit {
-        let color = textured(context, &vertex.at, material.base_color, material.base_color_texture);
-        wave.add(path.slot, edge, path.beta * color);
-        return false;
+#[inline(always)]
+fn shade_block<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(
+    context: &Context<'c>,
+    rays: &RayHitBlock,
+    paths: &PathBlock,
+    lanes: u16,
+    outputs: &mut Outputs,
+    edge: u32,
+) -> u64 {
+    let plan = context.plan;
+    let mut vertices = Vertices::gather::<I>(context, rays, paths, lanes);
+    if plan.features.absorption {
+        vertices.absorb(context, rays, paths);
     }
-    if material.is_emissive() && vertex.front {
-        let cos = vertex.at.n_g.dot(vertex.wo);
-        let weight = emission_weight(context, &path, org, &vertex.at, vertex.t, cos);
-        if weight > 0.0 {
-            let radiance = textured(context, &vertex.at, material.emissive, material.emissive_texture);
-            wave.add(path.slot, edge, path.beta * radiance * weight);
-        }
+    if B::UNLIT {
+        vertices.show_unlit(context, rays, paths, outputs.sums, edge);
+    }
+    if plan.features.area_lights {
+        vertices.emit(context, rays, paths, outputs.sums, edge);
     }
     if edge >= plan.max_depth {
-        wave.sums.capped.add(path.beta * material.reflectance_bound() * path.eta_scale);
-        return true;
+        return vertices.cap(context, paths, outputs.sums);
     }
 
     // A path that cannot return its cost is ended before its material is looked up.
-    let u_light = S::sample_4d(path.index, path.seed, dims::light(edge));
-    let survival = match plan.roulette {
-        Roulette::Off => 1.0,
-        Roulette::On => roulette::survival(path.beta, path.eta_scale, edge, plan.roulette_start),
-        Roulette::Constant(q) => roulette::on_lattice(q),
-    };
-    if survival < 1.0 {
-        if u_light[3] >= survival {
-            return false;
+    let u_light = random::<S>(paths, dims::light(edge));
+    vertices.roulette(context, &paths.eta_scale, &u_light[3], edge);
+    let u_bsdf = random::<S>(paths, dims::bsdf(edge));
+    let bsdfs = B::resolve(context, rays, &mut vertices, &u_bsdf[3]);
+    if plan.samples_lights() {
+        let lit = bsdfs.lit(&vertices, plan.features.lights_at_deltas);
+        if bits(&lit) != 0 {
+            let n = bsdfs.receiver_n(&vertices);
+            let mut light = LightLanes::sample(context, &lit, &vertices.receivers(), &n, &u_light);
+            shadow_rays::<_, I>(context, &vertices, &bsdfs, &lit, &mut light, paths, outputs.shadows);
         }
-        path.beta *= 1.0 / survival;
     }
-
-    let u_bsdf = S::sample_4d(path.index, path.seed, dims::bsdf(edge));
-    let Some((surface, frame)) = resolve(context, material, vertex, u_bsdf[3]) else { return false };
-    let wo = frame.to_local(vertex.wo);
-
-    path.last_n = if surface.is_transmissive() { Vec3::ZERO } else { frame.n };
-    if plan.samples_lights() && (!surface.is_delta() || plan.features.lights_at_deltas) {
-        sample_light(context, wave, &path, vertex, &surface, &frame, [u_light[0], u_light[1], u_light[2]]);
-    }
-
-    let Some((sample, frame)) = sample_bsdf(&surface, frame, wo, vertex, [u_bsdf[0], u_bsdf[1], u_bsdf[2]]) else {
-        return false;
-    };
-    let wi = frame.to_world(sample.wi);
-    let beta = path.beta * sample.weight;
-    if beta.max_element() <= 0.0 {
-        return false;
-    }
-    let transmitted = (vertex.at.n_g.dot(wi) > 0.0) != vertex.front;
-    if transmitted && material.thickness > 0.0 {
-        path.medium = if vertex.front { vertex.at.material } else { NO_MEDIUM };
-    }
-    path.beta = beta;
-    path.eta_scale *= sample.eta * sample.eta;
-    path.last_pdf_sa = sample.pdf_sa;
-    let org = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, wi);
-    wave.next.push(&path, org, wi);
-    false
+    scatter::<_, I>(context, &vertices, &bsdfs, paths, &u_bsdf, context.carried, outputs.next);
+    0
 }
 
-/// Weight of the emission of an emissive triangle met by the path's last BSDF sample from `org`, at distance `t` under
-/// the cosine `cos_light`.
+/// Next-event estimation of the lanes of `lit`; appends the shadow rays that could carry something.
 #[inline(always)]
-pub(super) fn emission_weight(
-    context: &Context,
-    path: &PathLane,
-    org: Vec3,
-    at: &Interaction,
-    t: f32,
-    cos_light: f32,
-) -> f32 {
-    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() || at.light == u32::MAX {
-        return 1.0;
-    }
-    let hit = EmitterHit { light: at.light, distance_m: t, cos_light, area_m2: context.lights.area_m2(at.light) };
-    let light_pdf = context.lights.pdf_triangle(org, path.last_n, &hit);
-    estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
-}
-
-/// The resolved BSDF and its frame. For opaque surfaces the frame's normal faces the viewer; for transmissive ones it
-/// faces the authored outside. `None` where a normal map turns the surface away from the viewer.
-#[inline(always)]
-fn resolve<'c>(
+fn shadow_rays<'c, B: Bsdfs<'c>, I: Isa>(
     context: &Context<'c>,
-    material: &Material,
-    vertex: &Vertex,
-    u_material: f32,
-) -> Option<(Surface<'c>, Frame)> {
-    let at = &vertex.at;
-    let features = &context.plan.features;
-    let (mut base_color, mut metallic, mut roughness) = (material.base_color, material.metallic, material.roughness);
-    let mut n_s = at.n_s;
-    // An interpolated normal that faces away from a viewer of this side has no meaning there: shade flat.
-    if (n_s.dot(vertex.wo) > 0.0) != vertex.front {
-        n_s = at.n_g;
-    }
-    let mut mapped = false;
-    if features.textures
-        && material.reads_textures()
-        && let Some(uv) = at.uv(context.geometry)
-    {
-        let fetch = |slot: Option<TextureSlot>| {
-            slot.map(|slot| texture::lookup(&context.scene.textures[slot.texture.index()], uv))
-        };
-        if let Some(texel) = fetch(material.base_color_texture) {
-            base_color *= texel.truncate();
-        }
-        if let Some(texel) = fetch(material.metallic_roughness_texture) {
-            roughness *= texel.y;
-            metallic *= texel.z;
-        }
-        if let (Some(texel), Some(tangent)) = (fetch(material.normal_texture), at.tangent(context.geometry)) {
-            let scale = material.normal_scale;
-            let map = Vec3::new((texel.x * 2.0 - 1.0) * scale, (texel.y * 2.0 - 1.0) * scale, texel.z * 2.0 - 1.0);
-            n_s = interaction::tilt(n_s, tangent, map);
-            mapped = true;
-        }
-    }
-    let textured = Textured { base_color, metallic, roughness };
-    let surface = Surface::from_material(material, textured, context.albedo, u_material);
-    if !surface.is_transmissive() && !vertex.front {
-        n_s = -n_s;
-    }
-    if mapped && !surface.is_transmissive() && n_s.dot(vertex.wo) <= 0.0 {
-        return None;
-    }
-    Some((surface, Frame::from_normal(n_s)))
-}
-
-/// Draws a direction; refuses one that lies on the wrong geometric side. A delta lobe whose interpolated normal sends
-/// it there is drawn again about the geometric normal, so that smooth glass loses nothing at its silhouette.
-#[inline(always)]
-fn sample_bsdf(surface: &Surface, frame: Frame, wo: Vec3, vertex: &Vertex, u: [f32; 3]) -> Option<(BsdfSample, Frame)> {
-    let sample = surface.sample(wo, u)?;
-    if consistent(&frame, wo, sample.wi, vertex) {
-        return Some((sample, frame));
-    }
-    if !surface.is_delta() {
-        return None;
-    }
-    let facing = if surface.is_transmissive() || vertex.front { vertex.at.n_g } else { -vertex.at.n_g };
-    let frame = Frame::from_normal(facing);
-    let wo = frame.to_local(vertex.wo);
-    let sample = surface.sample(wo, u)?;
-    consistent(&frame, wo, sample.wi, vertex).then_some((sample, frame))
-}
-
-/// Whether `wi` lies on the same side (reflection) or the other side (transmission) of both normals.
-#[inline(always)]
-fn consistent(frame: &Frame, wo: Vec3, wi: Vec3, vertex: &Vertex) -> bool {
-    let reflected = (wo.z > 0.0) == (wi.z > 0.0);
-    let same_side = (vertex.at.n_g.dot(frame.to_world(wi)) > 0.0) == vertex.front;
-    reflected == same_side
-}
-
-/// Next-event estimation: one light sample, its shadow ray into the batch.
-#[inline(always)]
-fn sample_light(
-    context: &Context,
-    wave: &mut Wave,
-    path: &PathLane,
-    vertex: &Vertex,
-    surface: &Surface,
-    frame: &Frame,
-    u: [f32; 3],
+    vertices: &Vertices,
+    bsdfs: &B,
+    lit: &Mask,
+    light: &mut LightLanes,
+    paths: &PathBlock,
+    shadows: &mut Shadows,
 ) {
-    let facing = if vertex.front { vertex.at.n_g } else { -vertex.at.n_g };
-    // Rays to lights on the viewer's side start here; through a transmissive surface they start within its error bound.
-    let receiver = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, facing);
-    let Some(light) = context.lights.sample(receiver, path.last_n, u) else { return };
-    let wo = frame.to_local(vertex.wo);
-    let wi = frame.to_local(light.wi);
-    if !consistent(frame, wo, wi, vertex) {
-        return;
+    let scattered = bsdfs.eval(vertices, &light.wi);
+    // The heuristic is chosen once, outside the loop. A delta light counts as one that the BSDF never finds.
+    match context.plan.strategy {
+        Strategy::MisPower => weigh(vertices, &scattered, lit, light, mis::power_weight),
+        Strategy::MisBalance => weigh(vertices, &scattered, lit, light, mis::balance_weight),
+        Strategy::LightOnly => weigh(vertices, &scattered, lit, light, |_, _| 1.0),
+        Strategy::BsdfOnly => return,
     }
-    let scattered = surface.eval(wo, wi);
-    let weight = estimator::light_weight(context.plan.strategy, light.pdf_sa, scattered.pdf_sa, light.delta);
-    let mut emitted = light.radiance;
-    if let Some(point) = light.texture_point {
-        emitted *= emission_texel(context, &point);
+    let mut rays = ShadowLanes { org: ZERO3, dir: ZERO3, tfar: ZERO, radiance: light.radiance };
+    let mut keep: Mask = [0; LANES];
+    for i in 0..LANES {
+        let wi = get(&light.wi, i);
+        let origin = float::spawn_origin(get(&vertices.p, i), get(&vertices.n_g, i), vertices.error[i], wi);
+        let segment = float::segment_to(origin, get(&light.target, i), get(&light.normal, i), light.error[i]);
+        let finite = light.infinite[i] == 0;
+        set(&mut rays.org, i, origin);
+        rays.dir[0][i] = if finite { segment.dir.x } else { wi.x };
+        rays.dir[1][i] = if finite { segment.dir.y } else { wi.y };
+        rays.dir[2][i] = if finite { segment.dir.z } else { wi.z };
+        let end = if finite { segment.tfar } else { f32::MAX };
+        let carried = light.radiance[0][i].max(light.radiance[1][i]).max(light.radiance[2][i]);
+        keep[i] = u32::from(end > 0.0) & u32::from(end < f32::INFINITY) & u32::from(carried > 0.0);
+        rays.tfar[i] = if finite { end } else { f32::INFINITY };
     }
-    let radiance = path.beta * scattered.f_cos * emitted * (weight / light.pdf_sa);
-    if !(radiance.max_element() > 0.0) {
-        return;
-    }
-    let org = float::spawn_origin(vertex.at.p, vertex.at.n_g, vertex.at.error, light.wi);
-    match light.target {
-        None => wave.shadows.push(path.slot, radiance, org, light.wi, f32::INFINITY),
-        Some(target) => {
-            if let Some(segment) = float::shadow_segment(org, target.position, target.normal, target.error) {
-                wave.shadows.push(path.slot, radiance, org, segment.dir, segment.tfar);
-            }
+    shadows.append::<I>(&rays, &paths.slot, bits(&keep));
+}
+
+/// Turns the radiance of each light sample into what its shadow ray carries; 0 where nothing can arrive.
+#[inline(always)]
+fn weigh(
+    vertices: &Vertices,
+    scattered: &Scattered,
+    lit: &Mask,
+    light: &mut LightLanes,
+    heuristic: impl Fn(f32, f32) -> f32,
+) {
+    for i in 0..LANES {
+        let weight = heuristic(light.pdf_sa[i], scattered.pdf_sa[i] * light.shared[i]);
+        let usable = (light.pdf_sa[i] > 0.0) & (lit[i] != 0);
+        let factor = if usable { weight / light.pdf_sa[i] } else { 0.0 };
+        for c in 0..3 {
+            light.radiance[c][i] = vertices.beta[c][i] * scattered.f_cos[c][i] * light.radiance[c][i] * factor;
         }
     }
 }
 
-/// Value of the emission texture at a sampled light point.
+/// BSDF samples; appends the paths that go on.
 #[inline(always)]
-pub(super) fn emission_texel(context: &Context, point: &TexturePoint) -> Vec3 {
-    let triangle = &context.geometry.triangles[point.triangle as usize];
-    let slot = context.scene.materials[triangle.material as usize].emissive_texture;
-    let uvs = context.geometry.uvs.get(triangle.attributes as usize);
-    match (slot, uvs) {
-        (Some(slot), Some([a, b, c])) => {
-            let [u, v] = point.barycentric;
-            let uv = *a * (1.0 - u - v) + *b * u + *c * v;
-            texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
-        }
-        _ => Vec3::ONE,
-    }
-}
-
-/// A factor times its texture, where there is one.
-#[inline(always)]
-fn textured(context: &Context, at: &Interaction, factor: Vec3, slot: Option<TextureSlot>) -> Vec3 {
-    match (slot, at.uv(context.geometry)) {
-        (Some(slot), Some(uv)) => {
-            factor * texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate()
-        }
-        _ => factor,
-    }
-}
-
-/// Beer–Lambert over the last edge: through the medium the path carries, or, when the camera started inside a solid,
-/// through the solid whose inside was hit.
-#[inline(always)]
-fn absorption(context: &Context, material: &Material, path: &PathLane, vertex: &Vertex) -> Vec3 {
-    let inside = if path.medium != NO_MEDIUM {
-        &context.scene.materials[path.medium as usize]
-    } else if !vertex.front && material.transmission > 0.0 && material.thickness > 0.0 {
-        material
-    } else {
-        return Vec3::ONE;
+fn scatter<'c, B: Bsdfs<'c>, I: Isa>(
+    context: &Context<'c>,
+    vertices: &Vertices,
+    bsdfs: &B,
+    paths: &PathBlock,
+    u: &[Lane; 4],
+    carried: Carried,
+    next: &mut Paths,
+) {
+    let mut to = Survivors {
+        org: ZERO3,
+        dir: ZERO3,
+        beta: ZERO3,
+        last_pdf_sa: ZERO,
+        last_n: bsdfs.receiver_n(vertices),
+        eta_scale: paths.eta_scale,
+        medium: paths.medium,
     };
-    transmittance(inside, vertex.t)
+    let mut keep = bsdfs.sample(context, vertices, u, &mut to);
+    for i in 0..LANES {
+        let wi = get(&to.dir, i);
+        set(&mut to.org, i, float::spawn_origin(get(&vertices.p, i), get(&vertices.n_g, i), vertices.error[i], wi));
+    }
+    for i in 0..LANES {
+        let mut dead = true;
+        for c in 0..3 {
+            to.beta[c][i] = vertices.beta[c][i] * to.beta[c][i];
+            // A throughput that is NaN goes on, to be counted.
+            dead &= to.beta[c][i] <= 0.0;
+        }
+        keep[i] &= vertices.active[i] & u32::from(!dead);
+    }
+    next.append::<I>(&to, paths, bits(&keep), carried);
 }
 
-/// Fraction of light left after `distance_m` inside a solid of this material.
-pub(super) fn transmittance(material: &Material, distance_m: f32) -> Vec3 {
-    let exponent = distance_m / material.attenuation_distance_m;
-    let c = material.attenuation_color;
-    if exponent == 0.0 { Vec3::ONE } else { Vec3::new(c.x.powf(exponent), c.y.powf(exponent), c.z.powf(exponent)) }
+/// One set of four numbers per lane.
+#[inline(always)]
+fn random<S: Scheme>(paths: &PathBlock, set: u32) -> [Lane; 4] {
+    let mut u = [ZERO; 4];
+    for i in 0..LANES {
+        let point = S::sample_4d(paths.index[i], [paths.seed_lo[i], paths.seed_hi[i]], set);
+        for d in 0..4 {
+            u[d][i] = point[d];
+        }
+    }
+    u
 }

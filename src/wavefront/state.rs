@@ -6,9 +6,11 @@
 use bytemuck::{cast_mut, cast_ref};
 use glam::Vec3;
 
+use super::alpha::Passing;
 use super::capped::Capped;
 use super::columns::{Lane, Lane3};
 use super::isa::Isa;
+use super::queue::{KINDS, Kind};
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
 use crate::film::lengths::LENGTHS;
 
@@ -138,15 +140,6 @@ impl Paths {
         Paths { rays: vec![RayHitBlock::EMPTY; blocks], paths: vec![PathBlock::EMPTY; blocks], len: 0 }
     }
 
-    /// Appends a path and its ray.
-    #[inline(always)]
-    pub fn push(&mut self, path: &PathLane, org: Vec3, dir: Vec3) {
-        let (block, lane) = (self.len / LANES, self.len % LANES);
-        self.rays[block].ray.set(lane, org, dir, f32::INFINITY);
-        self.paths[block].set(lane, path);
-        self.len += 1;
-    }
-
     /// Appends the lanes that `keep` marks. `old` is where they come from; what is the same for all lanes or not called
     /// for is not moved (`features` of the plan say what is).
     #[inline(always)]
@@ -177,7 +170,7 @@ impl Paths {
             }
         }
         if carried.medium {
-            squeeze(&old.eta_scale, &mut path.eta_scale, &mut path_after.eta_scale);
+            squeeze(&from.eta_scale, &mut path.eta_scale, &mut path_after.eta_scale);
         }
         let squeeze = |from: &[u32; LANES], here: &mut [u32; LANES], after: &mut [u32; LANES]| {
             I::squeeze(from, keep, at, here, after);
@@ -187,7 +180,7 @@ impl Paths {
         squeeze(&old.seed_hi, &mut path.seed_hi, &mut path_after.seed_hi);
         squeeze(&old.index, &mut path.index, &mut path_after.index);
         if carried.medium {
-            squeeze(&old.medium, &mut path.medium, &mut path_after.medium);
+            squeeze(&from.medium, &mut path.medium, &mut path_after.medium);
         }
         self.len += keep.count_ones() as usize;
     }
@@ -221,6 +214,10 @@ pub struct Survivors {
     pub last_pdf_sa: Lane,
     /// See [`PathBlock::last_n`].
     pub last_n: Lane3,
+    /// See [`PathBlock::eta_scale`].
+    pub eta_scale: Lane,
+    /// See [`PathBlock::medium`].
+    pub medium: [u32; LANES],
 }
 
 /// Shadow rays with what they carry, in lanes `0..len`.
@@ -234,19 +231,6 @@ pub struct Shadows {
 }
 
 impl Shadows {
-    /// Appends a shadow ray.
-    #[inline(always)]
-    pub fn push(&mut self, slot: u32, radiance: Vec3, org: Vec3, dir: Vec3, tfar: f32) {
-        let (block, lane) = (self.len / LANES, self.len % LANES);
-        self.rays[block].set(lane, org, dir, tfar);
-        let carried = &mut self.carried[block];
-        for c in 0..3 {
-            carried.radiance[c][lane] = radiance[c];
-        }
-        carried.slot[lane] = slot;
-        self.len += 1;
-    }
-
     /// Appends the lanes that `keep` marks, as [`Paths::append`] does.
     #[inline(always)]
     pub fn append<I: Isa>(&mut self, from: &ShadowLanes, slot: &[u32; LANES], keep: u16) {
@@ -311,9 +295,11 @@ pub struct Wave {
     /// Shadow rays of this edge.
     pub shadows: Shadows,
     /// Lanes of `current` that hit a surface to be shaded, by kind of material.
-    pub queues: [Vec<u32>; super::queue::KINDS],
-    /// Lanes of each block of `current` that the Lambert kernel shades where they lie.
-    pub dense: Vec<u16>,
+    pub queues: [Vec<u32>; KINDS],
+    /// Lanes of each block of `current` that are shaded where they lie, and their kind.
+    pub dense: Vec<(Kind, u16)>,
+    /// Rays that go on behind surfaces which they pass; empty where no surface lets any pass.
+    pub passing: Passing,
     /// What the camera samples have gathered.
     pub sums: Sums,
 }
@@ -337,7 +323,8 @@ impl Wave {
             next: Paths::new(capacity),
             shadows: Shadows { rays: vec![RayBlock::EMPTY; blocks], carried: vec![ShadowBlock::EMPTY; blocks], len: 0 },
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
-            dense: vec![0; blocks],
+            dense: vec![(Kind::Lambert, 0); blocks],
+            passing: Passing::default(),
             sums: Sums {
                 gathered: vec![Gathered::default(); capacity],
                 per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },

@@ -10,10 +10,11 @@ use std::path::{Path, PathBuf};
 /// Modules by layer, left to right.
 const LAYERS: &[&[&str]] = &[
     &["error", "math", "machine"],
+    &["texture"],
     &["scene"],
     &["backend"],
     &["plan"],
-    &["camera", "sampler", "texture", "shading", "film"],
+    &["camera", "sampler", "shading", "film"],
     &["wavefront", "accuracy"],
     &["render"],
     &["stats", "bench", "study", "verify"],
@@ -22,7 +23,7 @@ const LAYERS: &[&[&str]] = &[
 ];
 
 /// Imports within a layer that are meant: (who, whom).
-const NEIGHBOURS: &[(&str, &str)] = &[("shading", "texture")];
+const NEIGHBOURS: &[(&str, &str)] = &[];
 
 fn layer(module: &str) -> Option<usize> {
     LAYERS.iter().position(|layer| layer.contains(&module))
@@ -187,6 +188,6 @@ mod tests { use crate::cli::X; }
     assert_eq!(imports(&code, 1), set(&["error", "film", "math", "plan", "scene"]));
     assert_eq!(imports(&code, 2), set(&["error", "math", "plan", "render", "scene"]));
     assert!(allowed("film", "plan").is_ok() && allowed("shading", "texture").is_ok());
-    assert!(allowed("texture", "shading").is_err() && allowed("shading", "sampler").is_err());
+    assert!(allowed("texture", "scene").is_err() && allowed("shading", "sampler").is_err());
     assert!(allowed("film", "render").is_err() && allowed("film", "nowhere").is_err());
 }

@@ -27,7 +27,7 @@ fn solve(scene: &Scene, patches: usize) -> [Solution; 3] {
 }
 
 /// HARDCASES P07: a unit cube of albedo 0.5, walls x = 0 (0.2) and x = 1 (0.8), a square lamp in the ceiling.
-fn p07() -> Scene {
+pub fn p07() -> Scene {
     let mut b = SceneBuilder::new();
     let [grey, dark, bright] = [0.5, 0.2, 0.8].map(|albedo| b.lambert(Vec3::splat(albedo)));
     let lamp = b.emitter(Vec3::splat(0.5), Vec3::ONE);

@@ -1,26 +1,24 @@
 //! Texture look-ups (HARDCASES I06) and environment files.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 use pathspace::Error;
 use pathspace::scene::image::load_environment;
-use pathspace::scene::{ColorSpace, Environment, Scene, Texture, Wrap};
+use pathspace::scene::{ColorSpace, Environment, Scene, Texels, Texture, Wrap};
 use pathspace::texture::{SRGB_TO_LINEAR, lookup};
 
 const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];
 
 /// A texture whose texel n is (37·n mod 256, 255 − n, 7, 100).
 fn texture(width: usize, height: usize, wrap: Wrap, bilinear: bool) -> Texture {
-    let texels: Arc<[[u8; 4]]> =
-        (0..width * height).map(|n| [(n * 37 % 256) as u8, 255 - (n % 256) as u8, 7, 100]).collect();
+    let texels: Texels = (0..width * height).map(|n| [(n * 37 % 256) as u8, 255 - (n % 256) as u8, 7, 100]).collect();
     let color_space = ColorSpace::Linear;
     Texture { name: "test".into(), width, height, texels, color_space, wrap_u: wrap, wrap_v: wrap, bilinear }
 }
 
 fn texel(texture: &Texture, x: usize, y: usize) -> Vec4 {
-    Vec4::from(texture.texels[y * texture.width + x].map(|channel| f32::from(channel) / 255.0))
+    Vec4::from(texture.texels.eight().expect("8 bits")[y * texture.width + x].map(|channel| f32::from(channel) / 255.0))
 }
 
 /// Oracle: at texel centres bilinear and nearest both give the texel; halfway between, bilinear gives the mean. v = 0 is the top.
@@ -139,10 +137,10 @@ fn mean_over_a_period_is_the_textures_mean() {
 #[test]
 fn colours_are_filtered_in_linear_light() {
     let mut texture = texture(2, 1, Wrap::ClampToEdge, true);
-    texture.texels = Arc::new([[0, 0, 0, 0], [255, 255, 255, 255]]);
+    texture.texels = vec![[0, 0, 0, 0], [255, 255, 255, 255]].into();
     texture.color_space = ColorSpace::Srgb;
     assert_eq!(lookup(&texture, Vec2::splat(0.5)), Vec4::splat(0.5));
-    texture.texels = Arc::new([[188, 10, 0, 188]; 2]);
+    texture.texels = vec![[188, 10, 0, 188]; 2].into();
     let found = lookup(&texture, Vec2::splat(0.5));
     assert_eq!(found, Vec4::new(SRGB_TO_LINEAR[188], SRGB_TO_LINEAR[10], 0.0, 188.0 / 255.0));
 }

@@ -42,10 +42,14 @@ unsafe impl Send for Device {}
 unsafe impl Sync for Device {}
 
 impl Device {
-    /// Opens a device with `threads` for building (0: all) and, if given, a pinned instruction set.
-    pub(super) fn open(isa: Option<&str>, threads: usize) -> Result<Self> {
-        // The caller's threads stay where the system puts them.
-        let mut config = "set_affinity=0".to_string();
+    /// Opens a device with `threads` for building (0: all) and, if given, a pinned instruction set. `narrow` hierarchies have
+    /// four children a node instead of what Embree chooses.
+    pub(super) fn open(isa: Option<&str>, threads: usize, narrow: bool) -> Result<Self> {
+        // The caller's threads stay where the system puts them, and no file in a home folder changes what is traced.
+        let mut config = "set_affinity=0,ignore_config_files=1".to_string();
+        if narrow {
+            config += ",tri_accel=bvh4.triangle4v";
+        }
         if threads > 0 {
             config += &format!(",threads={threads}");
         }

@@ -32,6 +32,10 @@ pub struct Embree {
     info: BackendInfo,
 }
 
+/// Triangles up to which a hierarchy of four children a node is faster than one of eight: there is little to skip in a tree of few
+/// leaves. Embree 3.13.5, AVX-512: 36 triangles 5 to 8 % of the render; above 100 000 it is slower by 15 to 30 %.
+const NARROW_TRIANGLES: usize = 256;
+
 impl Embree {
     /// Opens a device and builds the hierarchy; copies what it needs of the geometry.
     ///
@@ -39,7 +43,11 @@ impl Embree {
     /// [`Error::Backend`](crate::Error::Backend) when the instruction set is not there, memory runs out, or the
     /// geometry holds an index or transform that cannot be traced.
     pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
-        let device = Arc::new(Device::open(options.isa.as_deref(), options.build_threads)?);
+        let device = Arc::new(Device::open(
+            options.isa.as_deref(),
+            options.build_threads,
+            geometry.triangles.len() <= NARROW_TRIANGLES,
+        )?);
         let world = World::build(&device, geometry, options.robust)?;
         let info = BackendInfo {
             kind: BackendKind::Embree,

@@ -379,7 +379,7 @@ fn instruction_sets_can_be_pinned_and_unknown_ones_are_refused() {
 
 #[test]
 fn dropping_gives_all_memory_back() {
-    let device = Arc::new(Device::open(None, 0).expect("a device"));
+    let device = Arc::new(Device::open(None, 0, false).expect("a device"));
     let shrunk = placement(1, Affine3A::from_scale(Vec3::splat(0.5)));
     let geometry = Geometry { meshes: vec![quad(-10.0), sphere(20)], instances: vec![shrunk; 3], ..Default::default() };
     let world = World::build(&device, &geometry, true).expect("the geometry is sound");

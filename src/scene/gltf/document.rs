@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 
 /// Extensions that a file may require.
 const SUPPORTED: &[&str] = &[
+    "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -29,6 +30,7 @@ const SUPPORTED: &[&str] = &[
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_texture_transform",
 ];
 
 /// Triangles, instances and sparse elements that a file may make from each of its bytes. One triangle takes at least a byte (a
@@ -247,13 +249,17 @@ impl Document {
         })
     }
 
+    /// What a URI stands for: bytes in itself, or a path relative to the document.
+    pub(super) fn locate(&self, uri: &str, pointer: &str) -> Result<Resource> {
+        uri::resolve(uri, self.file.parent().unwrap_or(Path::new(""))).map_err(|problem| self.error(pointer, problem))
+    }
+
     /// The bytes behind a URI: a data URI, or a regular file relative to the document.
     pub(super) fn resource(&self, uri: &str, pointer: &str) -> Result<Arc<Vec<u8>>> {
-        let path =
-            match uri::resolve(uri, self.file.parent().unwrap_or(Path::new(""))).map_err(|p| self.error(pointer, p))? {
-                Resource::Inline(bytes) => return Ok(Arc::new(bytes)),
-                Resource::File(path) => path,
-            };
+        let path = match self.locate(uri, pointer)? {
+            Resource::Inline(bytes) => return Ok(Arc::new(bytes)),
+            Resource::File(path) => path,
+        };
         let missing =
             |reason: &dyn std::fmt::Display| self.error(pointer, format!("cannot read {}: {reason}", path.display()));
         // A pipe or a device would never end; a directory gives an unclear message.

@@ -1,23 +1,34 @@
 //! The textures of a file: which image in which colour space with which sampler, decoded once however often it is used.
 //!
 //! Source: glTF 2.0 §3.8 and §5.29 (samplers). An image read both as colour and as data becomes two textures that share
-//! their texels. Limit: minification filters are not used (a path tracer filters by sampling the pixel).
+//! their texels. The sampler's minification filter is not read: a path tracer filters by sampling the pixel, and
+//! `--texture-filter` says how else.
 
-use std::collections::btree_map::Entry;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::{Image, Texture as JsonTexture, texture::Sampler};
-use rayon::prelude::*;
 
-use super::super::image::{Rgba8, decode_rgba8, texel_count};
-use super::super::{ColorSpace, Texture, TextureId, Wrap};
+use super::super::{ColorSpace, LoadOptions, MissingTexture, Texels, Texture, TextureId, Wrap};
 use super::document::{Document, View};
-use crate::error::{Error, Result};
+use super::uri::Resource;
+use crate::error::Result;
+use crate::texture::decode::{Decoder, Encoded, Image as DecodedImage};
+use crate::texture::load::{self as loading, Loaded};
+use crate::texture::udim::{self, Udim};
 
-/// Texels of all images together: 16 GB decoded.
-const MOST_TEXELS_IN_ALL: u64 = 1 << 32;
+impl Request {
+    /// What stands in for an image that is missing: magenta, and in data what changes nothing (a flat normal, a factor of 1).
+    fn stand_in(&self) -> [u8; 4] {
+        match self.color_space {
+            ColorSpace::Srgb => [255, 0, 255, 255],
+            ColorSpace::Linear if self.is_normal_map => [128, 128, 255, 255],
+            ColorSpace::Linear => [255; 4],
+        }
+    }
+}
 
 /// Textures asked for so far, not yet decoded.
 #[derive(Default)]
@@ -28,6 +39,10 @@ pub(super) struct TextureTable {
 
 struct Request {
     name: String,
+    /// The first material that asks for it.
+    material: String,
+    /// Read as a normal map.
+    is_normal_map: bool,
     image: usize,
     color_space: ColorSpace,
     wrap_u: Wrap,
@@ -50,8 +65,11 @@ impl TextureTable {
         }
         let texture: JsonTexture = document.element("textures", index, from)?;
         let pointer = format!("/textures/{index}");
-        if document.value(&format!("{pointer}/source")).is_none() {
-            document.warn(&pointer, "has no PNG or JPEG source; the texture is ignored");
+        // The extension's image is the better one; `source` is for readers without WebP.
+        let webp = format!("{pointer}/extensions/EXT_texture_webp/source");
+        let webp = document.value(&webp).map(|value| (value, webp));
+        if webp.is_none() && document.value(&format!("{pointer}/source")).is_none() {
+            document.warn(&pointer, "has no PNG, JPEG or WebP source; the texture is ignored");
             self.known.insert(key, None);
             return Ok(None);
         }
@@ -64,92 +82,213 @@ impl TextureTable {
             let filter = sampler.mag_filter.map(|filter| document.checked(filter, &at("magFilter"))).transpose()?;
             bilinear = filter != Some(MagFilter::Nearest);
         }
-        let image = texture.source.value();
-        let described: Image = document.element("images", image, &format!("{pointer}/source"))?;
+        let (image, source) = match webp {
+            None => (texture.source.value(), format!("{pointer}/source")),
+            Some((value, source)) => {
+                let image = value.as_u64().and_then(|image| usize::try_from(image).ok());
+                let problem = || document.error(&source, format!("expected the number of an image, found {value}"));
+                (image.ok_or_else(problem)?, source)
+            }
+        };
+        let described: Image = document.element("images", image, &source)?;
         let file = described.uri.filter(|uri| !uri.starts_with("data:"));
         let name = described.name.or(file).unwrap_or_else(|| format!("image {image}"));
         let id = TextureId(self.requests.len() as u32);
-        self.requests.push(Request { name, image, color_space, wrap_u, wrap_v, bilinear });
+        let (material, is_normal_map) = (material_of(document, from), from.contains("/normalTexture"));
+        self.requests.push(Request { name, material, is_normal_map, image, color_space, wrap_u, wrap_v, bilinear });
         self.known.insert(key, Some(id));
         Ok(Some(id))
     }
 
-    /// Decodes every image asked for, in parallel.
-    pub(super) fn decode(self, document: &Document) -> Result<Vec<Texture>> {
-        let mut sources: BTreeMap<usize, Bytes<'_>> = BTreeMap::new();
+    /// Decodes every image asked for, in parallel and within the budget of memory.
+    pub(super) fn decode(self, document: &Document, options: &LoadOptions) -> Result<Vec<Texture>> {
+        let mut pages = Vec::new();
+        let mut of_request = Vec::new();
         for request in &self.requests {
-            if let Entry::Vacant(place) = sources.entry(request.image) {
-                place.insert(image_bytes(document, request.image)?);
-            }
+            of_request.push(pages_of(document, request, options, &mut pages)?);
         }
-        let mut texels = 0u64;
-        for (&image, bytes) in &sources {
-            texels += texel_count(bytes.as_slice()).map_err(|problem| broken(document, image, &problem))?;
-            if texels > MOST_TEXELS_IN_ALL {
-                let problem = format!("expected at most {MOST_TEXELS_IN_ALL} texels in all images, found more");
-                return Err(broken(document, image, &problem));
-            }
+        let found: Vec<(usize, loading::Request)> = (pages.iter().enumerate())
+            .filter_map(|(i, page)| {
+                let encoded = match page.source.as_ref().ok()? {
+                    Source::File(path) => Encoded::File(path),
+                    Source::Borrowed(bytes) => Encoded::Bytes(bytes),
+                    Source::Shared(bytes) => Encoded::Bytes(bytes),
+                };
+                Some((i, loading::Request { encoded, color_spaces: page.color_spaces }))
+            })
+            .collect();
+        let (places, requests): (Vec<usize>, Vec<loading::Request>) = found.into_iter().unzip();
+        let loaded = loading::load(&requests, options.texture_budget);
+        if loaded.excess_bytes > 0 {
+            let (asked, excess) = (options.texture_budget.bytes >> 20, loaded.excess_bytes.div_ceil(1 << 20));
+            let what = format!("take {excess} MB more than --texture-memory {asked}: this build has no texture cache");
+            document.warn("/images", what);
         }
-        let decoded: Vec<(usize, Result<Rgba8, String>)> =
-            sources.into_par_iter().map(|(image, bytes)| (image, decode_rgba8(bytes.as_slice()))).collect();
-        let mut images: HashMap<usize, Rgba8> = HashMap::new();
-        for (image, result) in decoded {
-            images.insert(image, result.map_err(|problem| broken(document, image, &problem))?);
+        let mut images: Vec<Result<Loaded, String>> =
+            pages.iter().map(|page| page.source.as_ref().map(|_| Loaded::default()).map_err(String::clone)).collect();
+        for (place, image) in places.into_iter().zip(loaded.images) {
+            images[place] = image;
         }
-        let texture = |request: Request| {
-            let image = &images[&request.image];
-            Texture {
-                name: request.name,
-                width: image.width,
-                height: image.height,
-                texels: image.texels.clone(),
-                color_space: request.color_space,
-                wrap_u: request.wrap_u,
-                wrap_v: request.wrap_v,
-                bilinear: request.bilinear,
-            }
-        };
-        Ok(self.requests.into_iter().map(texture).collect())
+        let textures = self.requests.iter().zip(&of_request);
+        textures.map(|(request, pages_of)| texture(document, request, options, (&pages, &images), pages_of)).collect()
     }
 }
 
-/// Bytes of an encoded image.
-enum Bytes<'d> {
+/// An image to be loaded: one of a UDIM texture, or all of any other.
+struct Page<'d> {
+    /// Index into `/images`.
+    image: usize,
+    /// UDIM number, or 0.
+    number: u32,
+    /// Where it is, or why it cannot be read.
+    source: Result<Source<'d>, String>,
+    color_spaces: [Option<ColorSpace>; 2],
+}
+
+enum Source<'d> {
+    File(PathBuf),
     Borrowed(&'d [u8]),
     Shared(Arc<Vec<u8>>),
 }
 
-impl Bytes<'_> {
-    fn as_slice(&self) -> &[u8] {
-        match self {
-            Bytes::Borrowed(bytes) => bytes,
-            Bytes::Shared(bytes) => bytes,
-        }
-    }
+/// Where a colour space stands in [`Page::color_spaces`].
+fn slot(color_space: ColorSpace) -> usize {
+    usize::from(color_space == ColorSpace::Linear)
 }
 
-fn image_bytes(document: &Document, index: usize) -> Result<Bytes<'_>> {
+/// The pages that a texture is made of, as indices into `pages`, which is added to.
+fn pages_of<'d>(
+    document: &'d Document,
+    request: &Request,
+    options: &LoadOptions,
+    pages: &mut Vec<Page<'d>>,
+) -> Result<Vec<usize>> {
+    let known: Vec<usize> = (0..pages.len()).filter(|&i| pages[i].image == request.image).collect();
+    let first = pages.len();
+    if known.is_empty() {
+        for (number, source) in sources(document, request.image, options)? {
+            pages.push(Page { image: request.image, number, source, color_spaces: [None; 2] });
+        }
+    }
+    let mine: Vec<usize> = if known.is_empty() { (first..pages.len()).collect() } else { known };
+    for &i in &mine {
+        pages[i].color_spaces[slot(request.color_space)] = Some(request.color_space);
+    }
+    Ok(mine)
+}
+
+/// The files or bytes of an image: several with their numbers for UDIM, else one with number 0. What is wrong with the
+/// description itself is an error; a file that is missing is for `--missing-texture` to judge.
+fn sources<'d>(
+    document: &'d Document,
+    index: usize,
+    options: &LoadOptions,
+) -> Result<Vec<(u32, Result<Source<'d>, String>)>> {
     let pointer = format!("/images/{index}");
     let image: Image = document.element("images", index, &pointer)?;
-    match (image.uri, image.buffer_view) {
-        (Some(uri), None) => Ok(Bytes::Shared(document.resource(&uri, &format!("{pointer}/uri"))?)),
+    let uri = match (image.uri, image.buffer_view) {
+        (Some(uri), None) => uri,
         (None, Some(view)) => {
             let View { bytes, .. } = document.view(view.value(), &format!("{pointer}/bufferView"))?;
-            Ok(Bytes::Borrowed(bytes))
+            return Ok(vec![(0, Ok(Source::Borrowed(bytes)))]);
         }
-        (Some(_), Some(_)) => Err(document.error(pointer, "expected a uri or a bufferView, found both")),
-        (None, None) => Err(document.error(pointer, "expected a uri or a bufferView, found neither")),
+        (Some(_), Some(_)) => return Err(document.error(pointer, "expected a uri or a bufferView, found both")),
+        (None, None) => return Err(document.error(pointer, "expected a uri or a bufferView, found neither")),
+    };
+    let pointer = format!("{pointer}/uri");
+    let path = match document.locate(&uri, &pointer)? {
+        Resource::Inline(bytes) => return Ok(vec![(0, Ok(Source::Shared(Arc::new(bytes))))]),
+        Resource::File(path) => path,
+    };
+    let file = |path: &Path| match path.canonicalize() {
+        Ok(found) if found.is_file() => {
+            let prefers = options.texture_budget.decoder == Decoder::Default;
+            Ok(Source::File(loading::beside(&found).filter(|_| prefers).unwrap_or(found)))
+        }
+        Ok(_) => Err(format!("cannot read {}: not a regular file", path.display())),
+        Err(reason) => Err(format!("cannot read {}: {reason}", path.display())),
+    };
+    let name = path.to_string_lossy().into_owned();
+    if !name.contains(udim::MARK) {
+        return Ok(vec![(0, file(&path))]);
+    }
+    let numbered = udim::numbers().map(|number| (number, PathBuf::from(name.replace(udim::MARK, &number.to_string()))));
+    let pages: Vec<_> =
+        numbered.filter(|(_, path)| path.exists()).map(|(number, path)| (number, file(&path))).collect();
+    if pages.is_empty() {
+        return Ok(vec![(0, Err(format!("cannot read {name}: none of the numbers 1001 to 1100 is there")))]);
+    }
+    Ok(pages)
+}
+
+/// A texture from its pages.
+fn texture(
+    document: &Document,
+    request: &Request,
+    options: &LoadOptions,
+    (pages, images): (&[Page], &[Result<Loaded, String>]),
+    pages_of: &[usize],
+) -> Result<Texture> {
+    let mut parts = Vec::new();
+    for &i in pages_of {
+        let image = match &images[i] {
+            Ok(image) => image[slot(request.color_space)].clone().expect("asked for in this colour space"),
+            Err(problem) if options.missing_texture == MissingTexture::Magenta => {
+                let (place, problem) = named(document, request, problem);
+                document.warn(place, format!("{problem}; shown in magenta"));
+                DecodedImage::constant(request.stand_in())
+            }
+            Err(problem) => {
+                let (place, problem) = named(document, request, problem);
+                return Err(document.error(place, problem));
+            }
+        };
+        let is_page = pages[i].number != 0;
+        let wrap = |wrap| if is_page { Wrap::ClampToEdge } else { wrap };
+        let part = Texture {
+            name: request.name.clone(),
+            width: image.width,
+            height: image.height,
+            texels: image.texels,
+            color_space: request.color_space,
+            wrap_u: wrap(request.wrap_u),
+            wrap_v: wrap(request.wrap_v),
+            bilinear: request.bilinear,
+        };
+        if !is_page {
+            return Ok(part);
+        }
+        parts.push((pages[i].number, part));
+    }
+    let (width, height) = parts.first().map_or((1, 1), |(_, page)| (page.width, page.height));
+    Ok(Texture {
+        name: request.name.clone(),
+        width,
+        height,
+        texels: Texels::Udim(Arc::new(Udim::new(parts))),
+        color_space: request.color_space,
+        wrap_u: request.wrap_u,
+        wrap_v: request.wrap_v,
+        bilinear: request.bilinear,
+    })
+}
+
+/// Pointer and problem of an image that cannot be used: its file, if that is another one, and the material that asks for it.
+fn named(document: &Document, request: &Request, problem: &str) -> (String, String) {
+    let pointer = format!("/images/{}", request.image);
+    let uri = document.value(&format!("{pointer}/uri")).and_then(|uri| uri.as_str());
+    let by = format!("(texture of material \"{}\")", request.material);
+    match uri.filter(|uri| !uri.starts_with("data:")) {
+        Some(uri) => (format!("{pointer}/uri"), format!("{uri}: {problem} {by}")),
+        None => (pointer, format!("{problem} {by}")),
     }
 }
 
-/// The error for an image that cannot be decoded; it names the image's file, if that is another one.
-fn broken(document: &Document, index: usize, problem: &str) -> Error {
-    let pointer = format!("/images/{index}");
-    let uri = document.value(&format!("{pointer}/uri")).and_then(|uri| uri.as_str());
-    match uri.filter(|uri| !uri.starts_with("data:")) {
-        Some(uri) => document.error(format!("{pointer}/uri"), format!("{uri}: {problem}")),
-        None => document.error(pointer, problem),
-    }
+/// Name of the material that the pointer `from` leads into.
+fn material_of(document: &Document, from: &str) -> String {
+    let index = from.strip_prefix("/materials/").and_then(|rest| rest.split('/').next()).unwrap_or("?");
+    let name = document.value(&format!("/materials/{index}/name")).and_then(|name| name.as_str());
+    name.map_or_else(|| format!("material {index}"), String::from)
 }
 
 fn wrap(mode: WrappingMode) -> Wrap {

@@ -3,7 +3,7 @@
 //! The order is: document, node tree, materials, the meshes that the chosen scene shows, textures, then the placements relative
 //! to [`Scene::origin`]. A broken or hostile file gives [`Error::InvalidScene`](crate::Error::InvalidScene) with the JSON pointer of what is wrong; what is merely not
 //! simulated becomes a warning. Memory is bounded by what the file holds, not by the numbers in it.
-//! Limits: no animation, skins, morph targets, vertex colours, compression extensions.
+//! Limits: no animation, skins, morph targets, compression extensions.
 
 mod accessor;
 mod camera;
@@ -18,6 +18,7 @@ mod placement;
 mod tangent;
 mod topology;
 mod uri;
+mod uv;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -25,12 +26,17 @@ use std::path::Path;
 use self::document::Document;
 use self::material::MaterialTable;
 use self::node::Placed;
-use super::{Dropped, Mesh, MeshId, Scene};
+use super::{Dropped, LoadOptions, Mesh, MeshId, Scene, geometry};
 use crate::error::Result;
 
 impl Scene {
     /// Loads a `.gltf` or `.glb` file with its buffers and images.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
+        Scene::load_with(path, &LoadOptions::default())
+    }
+
+    /// As [`load`](Self::load), under other options.
+    pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
         let document = Document::read(path.as_ref())?;
         let nodes = node::flatten(&document)?;
         let mut materials = MaterialTable::read(&document)?;
@@ -65,7 +71,12 @@ impl Scene {
         }
         scene.meshes = meshes.list;
         scene.materials = materials.materials;
-        scene.textures = materials.textures.decode(&document)?;
+        scene.textures = materials.textures.decode(&document, options)?;
+        scene.fold_constant_textures();
+        let copies = geometry::copied_lamps(&scene);
+        if copies > 0 {
+            document.warn("/meshes", format!("{copies} emissive triangles repeat others exactly and are left out"));
+        }
         scene.warnings = document.take_warnings();
         scene.validate()?;
         Ok(scene)

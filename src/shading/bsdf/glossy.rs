@@ -34,14 +34,124 @@ pub struct GlossyParams {
     pub f90: f32,
 }
 
-/// The lobes, mixed and ready to evaluate.
+impl GlossyParams {
+    /// What the dielectric's coat leaves to its base.
+    #[inline(always)]
+    pub fn complement<'t>(&self, tables: &'t SpecularAlbedo) -> Complement<'t> {
+        tables.complement(if self.alpha < ALPHA_DELTA { 0.0 } else { self.alpha }, self.f0.max_element(), self.f90)
+    }
+}
+
+/// Mirror-like or GGX reflection over a diffuse base, mixed: everything but what the base gives up to the coat. Its functions have no
+/// branches, for loops over lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct Glossy<'t> {
+pub struct Lobes {
     ggx: Ggx,
     mirror: bool,
     f0: Vec3,
     f90: f32,
     diffuse: Vec3,
+}
+
+/// A direction drawn from [`Lobes`], not yet weighed.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn {
+    /// Unit direction; below the surface where the chosen facet reflects into it.
+    pub wi: Vec3,
+    /// Its facet.
+    m: Vec3,
+    /// Whether the mirror was chosen.
+    mirrored: bool,
+}
+
+impl Lobes {
+    /// Mixes the lobes.
+    #[inline(always)]
+    pub fn new(params: &GlossyParams) -> Self {
+        let GlossyParams { base_color, metallic, alpha, f0, f90 } = *params;
+        Lobes {
+            ggx: Ggx::isotropic(alpha.max(ALPHA_DELTA)),
+            mirror: alpha < ALPHA_DELTA,
+            f0: f0 * (1.0 - metallic) + base_color * metallic,
+            f90: f90 * (1.0 - metallic) + metallic,
+            diffuse: base_color * (1.0 - metallic),
+        }
+    }
+
+    /// Whether light sampling can find nothing: a mirror without a base.
+    #[inline(always)]
+    pub fn is_delta(&self) -> bool {
+        self.mirror & (self.diffuse.x == 0.0) & (self.diffuse.y == 0.0) & (self.diffuse.z == 0.0)
+    }
+
+    /// Probability of the specular lobe for a viewer under `cos_o`, by estimated albedo. Never 0 where the lobe reflects at
+    /// all. `below_o` is the coat's complement for the viewer.
+    #[inline(always)]
+    pub fn p_specular(&self, cos_o: f32, below_o: f32) -> f32 {
+        let w = schlick_weight(cos_o).max(SCHLICK_AVERAGE);
+        let specular = max_channel(self.f0 + (Vec3::splat(self.f90) - self.f0) * w);
+        let diffuse = max_channel(self.diffuse) * below_o;
+        let total = specular + diffuse;
+        let p = specular / total;
+        if total > 0.0 { p } else { 1.0 }
+    }
+
+    /// Value and density for directions above the surface with half vector `m`; the mirror is not part of it. `split` is what
+    /// the coat leaves to the base.
+    #[inline(always)]
+    pub fn eval(&self, wo: Vec3, wi: Vec3, m: Vec3, split: f32, p_specular: f32) -> BsdfEval {
+        let cosine = wi.z * FRAC_1_PI;
+        let diffuse = self.diffuse * (cosine * split);
+        let diffuse_pdf = (1.0 - p_specular) * cosine;
+        let lobe = self.ggx.reflection(wo, wi, m);
+        let specular = schlick(self.f0, self.f90, wo.dot(m)) * lobe.f_cos;
+        let both = specular + diffuse;
+        BsdfEval {
+            f_cos: choose(self.mirror, diffuse, both),
+            pdf_sa: if self.mirror { diffuse_pdf } else { p_specular * lobe.pdf_sa + diffuse_pdf },
+        }
+    }
+
+    /// Draws a direction for a viewer above the surface; `u` = lobe, u, v.
+    #[inline(always)]
+    pub fn draw(&self, wo: Vec3, u: [f32; 3], p_specular: f32) -> Drawn {
+        let specular = u[0] < p_specular;
+        let m = self.ggx.sample_visible(wo, [u[1], u[2]]);
+        let around = warp::cosine_hemisphere([u[1], u[2]]);
+        let mirrored = specular & self.mirror;
+        let wi = choose(specular, reflect(wo, m), around);
+        let wi = choose(mirrored, Vec3::new(-wo.x, -wo.y, wo.z), wi);
+        Drawn { wi, m: choose(specular, m, half_vector(wo, around)), mirrored }
+    }
+
+    /// Weight and density of a drawn direction. A density of 0: nothing can be scattered there.
+    #[inline(always)]
+    pub fn weigh(&self, wo: Vec3, drawn: &Drawn, split: f32, p_specular: f32) -> (Vec3, f32) {
+        let eval = self.eval(wo, drawn.wi, drawn.m, split, p_specular);
+        let mirrored = schlick(self.f0, self.f90, wo.z) / p_specular;
+        let weight = choose(drawn.mirrored, mirrored, eval.f_cos / eval.pdf_sa);
+        let above = drawn.wi.z > 0.0;
+        let pdf_sa = if drawn.mirrored { f32::INFINITY } else { eval.pdf_sa };
+        (weight, if above { pdf_sa } else { 0.0 })
+    }
+}
+
+/// One of two vectors, component by component.
+#[inline(always)]
+fn choose(first: bool, a: Vec3, b: Vec3) -> Vec3 {
+    let one = |a: f32, b: f32| if first { a } else { b };
+    Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
+}
+
+#[inline(always)]
+fn max_channel(color: Vec3) -> f32 {
+    color.x.max(color.y).max(color.z)
+}
+
+/// The lobes with what the coat leaves to the base.
+#[derive(Clone, Copy, Debug)]
+pub struct Glossy<'t> {
+    lobes: Lobes,
     below: Complement<'t>,
 }
 
@@ -49,33 +159,23 @@ impl<'t> Glossy<'t> {
     /// Mixes the lobes.
     #[inline(always)]
     pub fn new(params: &GlossyParams, tables: &'t SpecularAlbedo) -> Self {
-        let GlossyParams { base_color, metallic, alpha, f0, f90 } = *params;
-        let mirror = alpha < ALPHA_DELTA;
-        let coat = f0.max_element();
-        Glossy {
-            ggx: Ggx::isotropic(alpha.max(ALPHA_DELTA)),
-            mirror,
-            f0: f0 * (1.0 - metallic) + base_color * metallic,
-            f90: f90 * (1.0 - metallic) + metallic,
-            diffuse: base_color * (1.0 - metallic),
-            below: tables.complement(if mirror { 0.0 } else { alpha }, coat, f90),
-        }
+        Glossy { lobes: Lobes::new(params), below: params.complement(tables) }
     }
 
     /// Whether light sampling can find nothing: a mirror without a base.
     #[inline(always)]
     pub fn is_delta(&self) -> bool {
-        self.mirror && self.diffuse == Vec3::ZERO
+        self.lobes.is_delta()
     }
 
-    /// Probability of the specular lobe for this viewer, by estimated albedo. Never 0 where the lobe reflects at all.
-    #[inline(always)]
-    fn p_specular(&self, cos_o: f32, below_o: f32) -> f32 {
-        let w = schlick_weight(cos_o).max(SCHLICK_AVERAGE);
-        let specular = (self.f0 + (Vec3::splat(self.f90) - self.f0) * w).max_element();
-        let diffuse = self.diffuse.max_element() * below_o;
-        let total = specular + diffuse;
-        if total > 0.0 { specular / total } else { 1.0 }
+    /// Whether `sample` takes the specular lobe for this viewer and this first number; for reports.
+    pub fn takes_specular(&self, wo: Vec3, u: f32) -> bool {
+        u < self.lobes.p_specular(wo.z, self.below.at(wo.z))
+    }
+
+    /// Whether the specular lobe is a mirror.
+    pub fn is_mirror(&self) -> bool {
+        self.lobes.mirror
     }
 
     /// Value and density for a pair of directions; the mirror is not part of it.
@@ -85,20 +185,8 @@ impl<'t> Glossy<'t> {
             return BsdfEval::ZERO;
         }
         let below_o = self.below.at(wo.z);
-        self.eval_above(wo, wi, half_vector(wo, wi), below_o, self.p_specular(wo.z, below_o))
-    }
-
-    #[inline(always)]
-    fn eval_above(&self, wo: Vec3, wi: Vec3, m: Vec3, below_o: f32, p_specular: f32) -> BsdfEval {
-        let cosine = wi.z * FRAC_1_PI;
-        let diffuse = self.diffuse * (cosine * self.below.split(below_o, self.below.at(wi.z)));
-        let diffuse_pdf = (1.0 - p_specular) * cosine;
-        if self.mirror {
-            return BsdfEval { f_cos: diffuse, pdf_sa: diffuse_pdf };
-        }
-        let lobe = self.ggx.reflection(wo, wi, m);
-        let specular = schlick(self.f0, self.f90, wo.dot(m)) * lobe.f_cos;
-        BsdfEval { f_cos: specular + diffuse, pdf_sa: p_specular * lobe.pdf_sa + diffuse_pdf }
+        let split = self.below.split(below_o, self.below.at(wi.z));
+        self.lobes.eval(wo, wi, half_vector(wo, wi), split, self.lobes.p_specular(wo.z, below_o))
     }
 
     /// Draws a direction; `u` = lobe, u, v. `None` where the chosen facet reflects into the surface.
@@ -109,24 +197,10 @@ impl<'t> Glossy<'t> {
             return None;
         }
         let below_o = self.below.at(wo.z);
-        let p_specular = self.p_specular(wo.z, below_o);
-        let (wi, m) = if u[0] < p_specular {
-            if self.mirror {
-                let weight = schlick(self.f0, self.f90, wo.z) / p_specular;
-                let wi = Vec3::new(-wo.x, -wo.y, wo.z);
-                return Some(BsdfSample { wi, weight, pdf_sa: f32::INFINITY, eta: 1.0 });
-            }
-            let m = self.ggx.sample_visible(wo, [u[1], u[2]]);
-            (reflect(wo, m), m)
-        } else {
-            let wi = warp::cosine_hemisphere([u[1], u[2]]);
-            (wi, half_vector(wo, wi))
-        };
-        let above = wi.z > 0.0;
-        if !above {
-            return None;
-        }
-        let eval = self.eval_above(wo, wi, m, below_o, p_specular);
-        (eval.pdf_sa > 0.0).then(|| BsdfSample { wi, weight: eval.f_cos / eval.pdf_sa, pdf_sa: eval.pdf_sa, eta: 1.0 })
+        let p_specular = self.lobes.p_specular(wo.z, below_o);
+        let drawn = self.lobes.draw(wo, u, p_specular);
+        let split = self.below.split(below_o, self.below.at(drawn.wi.z));
+        let (weight, pdf_sa) = self.lobes.weigh(wo, &drawn, split, p_specular);
+        (pdf_sa > 0.0).then_some(BsdfSample { wi: drawn.wi, weight, pdf_sa, eta: 1.0 })
     }
 }

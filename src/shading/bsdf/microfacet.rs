@@ -8,9 +8,11 @@
 //!
 //! Limit: below [`ALPHA_DELTA`] a lobe is treated as a mirror by the materials built on this file.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
+
+use crate::math::angle::sin_cos_turns;
 
 /// GGX alpha below which a lobe is a delta mirror. The reflected cone then has a half angle under 2e-4 rad, a 23rd of
 /// the sun's radius, and the half vector of two f32 directions (error about 1e-7) would no longer resolve the slope to
@@ -87,7 +89,7 @@ impl Ggx {
         // In the space where the distribution is a hemisphere, the half vector of a direction uniform over the cap
         // that a sphere shows to the viewer is a visible normal.
         let o = Vec3::new(self.alpha.x * wo.x, self.alpha.y * wo.y, wo.z).normalize();
-        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let (sin, cos) = sin_cos_turns(u[0]);
         // z of the cap direction is 1 − t; written by t, neither its sine nor the half vector's z cancels.
         let t = u[1] * (1.0 + o.z);
         let r = (t * (2.0 - t)).max(0.0).sqrt();
@@ -108,7 +110,7 @@ impl Ggx {
 #[inline(always)]
 pub fn half_vector(wo: Vec3, wi: Vec3) -> Vec3 {
     let h = wo + wi;
-    let h = h / h.abs().max_element();
+    let h = h / h.x.abs().max(h.y.abs()).max(h.z.abs());
     h / h.length()
 }
 

@@ -17,13 +17,14 @@ use super::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
 use crate::math::float::UNIT_ROUNDOFF;
 use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::material::Material;
-use crate::scene::{ColorSpace, Texture};
+use crate::scene::{AlphaMode, Texture};
 
 /// What a material emits.
 #[derive(Clone, Copy, Debug)]
 pub struct Emission {
     /// Radiance of the front side; to be multiplied by the texture where there is one.
     radiance: Vec3,
+    /// Whether the radiance depends on the place: it has a texture, or the emitter is not there everywhere.
     textured: bool,
     /// Mean over channels and over the texture: what the intensity of a triangle is computed from.
     mean: f64,
@@ -38,10 +39,13 @@ impl Emission {
         let texture = material.emissive_texture.and_then(|slot| textures.get(slot.texture.index()));
         let mean = match texture {
             _ if !material.is_emissive() => 0.0,
-            Some(texture) => channel_mean(material.emissive * texture_mean(texture)),
+            // The triangles of a material share the mean, so one on a dark part is drawn too often, never too seldom for its
+            // estimate to be unbiased: the mean is 0 only where every texel is.
+            Some(texture) => channel_mean(material.emissive * texture.mean()),
             None => channel_mean(material.emissive),
         };
-        Some(Emission { radiance: material.emissive, textured: texture.is_some(), mean })
+        let textured = texture.is_some() || material.effective_alpha(textures) != AlphaMode::Opaque;
+        Some(Emission { radiance: material.emissive, textured, mean })
     }
 
     /// Radiance of the front side, before a texture.
@@ -50,39 +54,10 @@ impl Emission {
         self.radiance
     }
 
-    /// Whether a texture has to be multiplied in.
+    /// Whether a texture or a coverage has to be multiplied in.
     pub fn is_textured(&self) -> bool {
         self.textured
     }
-}
-
-/// Mean of the linear texels. The triangles of a material share it, so a triangle on a dark part is drawn too often,
-/// never too seldom for its estimate to be unbiased: the mean is 0 only where every texel is.
-fn texture_mean(texture: &Texture) -> Vec3 {
-    let linear: Vec<f64> = (0..256)
-        .map(|byte| {
-            // IEC 61966-2-1.
-            let x = f64::from(byte) / 255.0;
-            match texture.color_space {
-                ColorSpace::Linear => x,
-                ColorSpace::Srgb if x <= 0.04045 => x / 12.92,
-                ColorSpace::Srgb => ((x + 0.055) / 1.055).powf(2.4),
-            }
-        })
-        .collect();
-    let mut counts = [[0u64; 256]; 3];
-    for texel in texture.texels.iter() {
-        for (channel, histogram) in counts.iter_mut().enumerate() {
-            histogram[usize::from(texel[channel])] += 1;
-        }
-    }
-    let texels = texture.texels.len().max(1) as f64;
-    let means = counts.map(|histogram| {
-        let sum: f64 = histogram.iter().zip(&linear).map(|(&count, &value)| count as f64 * value).sum();
-        // One texel of the darkest step in 2^31 of them is still above 0 in f32.
-        (sum / texels) as f32
-    });
-    Vec3::from_array(means)
 }
 
 /// An emissive triangle, or two of them that make up a parallelogram: a cache line of what drawing a point needs.

@@ -1,5 +1,5 @@
-//! Lanes and segments: inactive and trailing lanes, ends of segments at the hit, and rays that must never reach a
-//! traversal (HARDCASES G06; Debian's Embree 3 aborts the process on those). Oracles: the contract of
+//! Lanes and segments: inactive and trailing lanes, ends of segments at the hit. (Rays that must never reach a
+//! traversal: `hard/watertight.rs`.) Oracles: the contract of
 //! [`pathspace::backend::Backend`] and brute force. No failure is allowed.
 
 use glam::Vec3;
@@ -7,7 +7,7 @@ use pathspace::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBloc
 use pathspace::backend::{Backend, Coherence};
 
 use super::shapes::{Rng, grid, mesh, soup, world};
-use super::{Case, Rule, TestRay, any, bits, check, closest, each_backend, pack};
+use super::{Rule, Scenario, TestRay, any, bits, check, closest, each_backend, pack};
 
 fn soup_rays(rng: &mut Rng, n: usize) -> Vec<TestRay> {
     (0..n)
@@ -53,94 +53,6 @@ fn tail_lanes() {
                 let expected = lane < len && blocked[lane];
                 assert_eq!(tfar == BLOCKED, expected, "{what} lane {lane}");
                 assert!(lane < len || tfar == 7.0, "{what}: lane {lane} was written");
-            }
-        }
-    });
-}
-
-/// What [`swapped_lanes`] puts between good rays.
-struct Bad {
-    what: &'static str,
-    ray: TestRay,
-}
-
-/// Everything that `batch::valid_lanes` must catch.
-fn bad_rays() -> Vec<Bad> {
-    let good = TestRay { org: Vec3::new(0.1, 0.2, -3.0), dir: Vec3::Z, tnear: 0.0, tfar: 100.0 };
-    let mut bad = Vec::new();
-    let mut add = |what, change: &dyn Fn(&mut TestRay)| {
-        let mut ray = good;
-        change(&mut ray);
-        bad.push(Bad { what, ray });
-    };
-    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        for axis in 0..3 {
-            add("origin not finite", &|r| r.org[axis] = value);
-            add("direction not finite", &|r| r.dir[axis] = value);
-        }
-    }
-    for axis in 0..3 {
-        add("origin out of range", &|r| r.org[axis] = -1.9e18);
-    }
-    add("origin of +∞ and −∞", &|r| r.org = Vec3::new(f32::INFINITY, f32::NEG_INFINITY, 0.0));
-    add("tnear NaN", &|r| r.tnear = f32::NAN);
-    add("tnear −∞", &|r| r.tnear = f32::NEG_INFINITY);
-    add("tnear negative", &|r| r.tnear = -1.0);
-    add("tfar NaN", &|r| r.tfar = f32::NAN);
-    add("tfar −∞", &|r| r.tfar = f32::NEG_INFINITY);
-    add("tfar negative", &|r| r.tfar = -1.0);
-    add("tnear beyond tfar", &|r| (r.tnear, r.tfar) = (2.0, 1.0));
-    add("zero direction", &|r| r.dir = Vec3::ZERO);
-    add("direction of −0.0", &|r| r.dir = -Vec3::ZERO);
-    add("direction that underflows", &|r| r.dir = Vec3::splat(1e-30));
-    add("direction that overflows", &|r| r.dir = Vec3::splat(1e30));
-    bad
-}
-
-/// G06, and inactive lanes (`RayBlock::EMPTY`) besides: they miss, are counted, keep their `tfar` bit for bit, and do not
-/// disturb their neighbours.
-#[test]
-fn swapped_lanes() {
-    let mut rng = Rng::new(22);
-    let geometry = world(mesh(&soup(&mut rng, 200, 0.6)));
-    let mut bad = bad_rays();
-    let empty = TestRay { org: Vec3::ZERO, dir: Vec3::Z, tnear: 0.0, tfar: -1.0 };
-    bad.resize_with(bad.len() + 20, || Bad { what: "inactive lane", ray: empty });
-    let rays = soup_rays(&mut rng, 2 * bad.len());
-
-    each_backend(&geometry, |row, backend| {
-        // Good and bad in irregular turns.
-        let mut mixed: Vec<(TestRay, Option<usize>)> =
-            rays.iter().copied().enumerate().map(|(i, r)| (r, Some(i))).collect();
-        for (i, bad) in bad.iter().enumerate() {
-            mixed.insert((i * 7 + i * i) % mixed.len(), (bad.ray, None));
-        }
-        let list: Vec<TestRay> = mixed.iter().map(|m| m.0).collect();
-        let whole = closest(backend, &rays, Coherence::Incoherent);
-        let blocked = any(backend, &rays, Coherence::Incoherent);
-
-        let mut blocks = pack(&list);
-        let invalid = backend.closest_hit(&mut blocks, list.len(), Coherence::Incoherent);
-        assert_eq!(invalid, bad.len() as u64, "{} {} closest", row.kind.name(), row.mode);
-        let mut shadows: Vec<RayBlock> = pack(&list).iter().map(|b| b.ray).collect();
-        let invalid = backend.any_hit(&mut shadows, list.len(), Coherence::Incoherent);
-        assert_eq!(invalid, bad.len() as u64, "{} {} any", row.kind.name(), row.mode);
-
-        for (lane, (ray, good)) in mixed.iter().enumerate() {
-            let (block, lane) = (lane / LANES, lane % LANES);
-            let (tfar, shadow_tfar) = (blocks[block].ray.tfar[lane], shadows[block].tfar[lane]);
-            match good {
-                Some(i) => {
-                    assert_eq!(bits(&blocks[block].hit(lane)), bits(&whole[*i]), "{} {}", row.kind.name(), row.mode);
-                    assert_eq!(shadow_tfar == BLOCKED, blocked[*i]);
-                }
-                None => {
-                    let what = bad.iter().find(|b| format!("{:?}", b.ray) == format!("{ray:?}")).map(|b| b.what);
-                    let what = format!("{} {}: {what:?}", row.kind.name(), row.mode);
-                    assert_eq!(blocks[block].hit(lane), None, "{what} hit something");
-                    assert_eq!(tfar.to_bits(), ray.tfar.to_bits(), "{what} was written");
-                    assert_eq!(shadow_tfar.to_bits(), ray.tfar.to_bits(), "{what} was written by any_hit");
-                }
             }
         }
     });
@@ -204,5 +116,5 @@ fn segments_of_no_length() {
             TestRay { org, dir: Vec3::NEG_Z, tnear: if i % 4 < 2 { 0.0 } else { 2.0 }, tfar: 2.0 }
         })
         .collect();
-    check(&[Case::open("segments of no length", geometry, rays)]);
+    check(&[Scenario::open("segments of no length", geometry, rays)]);
 }

@@ -4,7 +4,7 @@ use glam::{Affine3A, DVec3, Quat, Vec3};
 use pathspace::scene::geometry::{Geometry, TriangleMesh};
 
 use super::shapes::{FAR, Rng, cube, grid, mesh, placed, soup, with_instances, world};
-use super::{Case, TestRay, check};
+use super::{Scenario, TestRay, check};
 
 /// Rays from all around a scene of about unit size toward its inside.
 fn incoming(rng: &mut Rng, n: usize, distance: f32) -> Vec<TestRay> {
@@ -31,7 +31,7 @@ fn random_soup() {
         ray.tfar = ray.tnear + rng.unit() * 3.0;
     }
     let from_far = incoming(&mut rng, 3000, 3000.0);
-    check(&[Case::open("soup", geometry.clone(), rays), Case::open("soup from afar", geometry, from_far)]);
+    check(&[Scenario::open("soup", geometry.clone(), rays), Scenario::open("soup from afar", geometry, from_far)]);
 }
 
 /// The same soup 10⁵ m from the origin, and at scales of 10⁻⁶ and 10⁶.
@@ -47,7 +47,7 @@ fn soup_at_other_places_and_scales() {
                 for ray in &mut rays {
                     ray.org = ray.org * scale + center;
                 }
-                Case::open(name, world(mesh(&triangles)), rays)
+                Scenario::open(name, world(mesh(&triangles)), rays)
             });
     check(&cases);
 }
@@ -75,7 +75,7 @@ fn grazing_rays() {
             rays.push(TestRay::new((target - dir * 500.0).as_vec3(), dir.as_vec3()));
         }
     }
-    check(&[Case::open("grazing rays", world(mesh(&triangles)), rays)]);
+    check(&[Scenario::open("grazing rays", world(mesh(&triangles)), rays)]);
 }
 
 /// G17's transforms: rotation, non-uniform scale, mirror, all of them, tiny, huge, and coincident with another.
@@ -117,8 +117,8 @@ fn instances_mirrored_and_scaled() {
     let mut without_world = geometry.clone();
     without_world.meshes[0] = TriangleMesh::default();
     check(&[
-        Case::open("instances and world", geometry, rays.clone()),
-        Case::open("instances alone", without_world, rays),
+        Scenario::open("instances and world", geometry, rays.clone()),
+        Scenario::open("instances alone", without_world, rays),
     ]);
 }
 
@@ -129,14 +129,14 @@ fn empty_and_trivial_scenes() {
     let rays = incoming(&mut rng, 100, 2.0);
     let flat = [Vec3::ZERO, Vec3::X, Vec3::X * 2.0];
     check(&[
-        Case::open(
+        Scenario::open(
             "no mesh",
             Geometry { bounds: (Vec3::INFINITY, Vec3::NEG_INFINITY), ..Geometry::default() },
             rays.clone(),
         ),
-        Case::open("empty mesh", world(TriangleMesh::default()), rays.clone()),
-        Case::open("one triangle", world(mesh(&[[Vec3::NEG_ONE, Vec3::X, Vec3::Y]])), rays.clone()),
-        Case::open("one degenerate triangle", world(mesh(&[flat])), rays.clone()),
-        Case::open("one flat grid", world(mesh(&grid(8, 1.0, 0.0))), rays),
+        Scenario::open("empty mesh", world(TriangleMesh::default()), rays.clone()),
+        Scenario::open("one triangle", world(mesh(&[[Vec3::NEG_ONE, Vec3::X, Vec3::Y]])), rays.clone()),
+        Scenario::open("one degenerate triangle", world(mesh(&[flat])), rays.clone()),
+        Scenario::open("one flat grid", world(mesh(&grid(8, 1.0, 0.0))), rays),
     ]);
 }

@@ -6,17 +6,24 @@
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
 mod accumulation;
+mod alpha;
+mod degenerate;
 mod filters;
 mod frames;
 mod fresnel;
 mod glass;
+mod input;
+mod invariance;
 mod lens;
 mod microfacet;
 mod modes;
 mod normals;
 mod random;
 mod reproducible;
+mod spawn;
 mod table;
+mod transforms;
+mod watertight;
 mod white_furnace;
 
 use std::fmt::Display;

@@ -203,21 +203,10 @@ fn broken_containers_are_refused() {
     assert!(matches!(load(directory.path()), Err(Error::Io { .. })));
 }
 
-/// Oracle: the list (NaN positions, indices past the vertices, unsupported required extension). Deterministic.
+/// Oracle: the error (vertices and indices: `hard/input.rs`). Deterministic.
 #[test]
 fn bad_values_in_buffers_are_refused() {
     let directory = tempfile::tempdir().expect("a temporary directory");
-    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        let mut bent = Fixture::quad();
-        bent.binary[12..16].copy_from_slice(&value.to_le_bytes());
-        expect_invalid(&bent.write(directory.path()), "/accessors/0", "element 1");
-    }
-    let mut large = Fixture::quad();
-    large.binary[12..16].copy_from_slice(&3e38f32.to_le_bytes());
-    expect_invalid(&large.write(directory.path()), "/nodes/0", "world coordinates");
-    let mut past = Fixture::quad();
-    past.binary[48..50].copy_from_slice(&4u16.to_le_bytes());
-    expect_invalid(&past.write(directory.path()), "/accessors/1", "found 4 at 0");
     // Sparse indices past the accessor's count.
     let mut sparse = Fixture::quad();
     let indices = sparse.view(&[7, 0]);
@@ -275,7 +264,8 @@ fn deep_chains_do_not_overflow_the_stack() {
     chain.json["nodes"] = Value::Array(nodes);
     chain.json["scenes"][0]["nodes"] = json!([0]);
     let scene = load(&chain.write(directory.path())).expect("a deep chain is valid");
-    assert!((scene.instances[0].world_from_object.translation.x - 1.0).abs() < 1e-6);
+    let x = f64::from(scene.instances[0].world_from_object.translation.x) + scene.origin.x;
+    assert!((x - 1.0).abs() < 1e-6, "{x}");
     chain.json["nodes"][DEPTH]["children"] = json!([50_000]);
     expect_invalid(&chain.write(directory.path()), &format!("/nodes/{DEPTH}/children/0"), "cycle");
     let without_scenes =
@@ -312,15 +302,15 @@ fn broken_images_are_refused() {
         ("huge.png", header(2_000_000_000, 2_000_000_000), "expected"),
         ("large.png", header(16_384, 16_384), "bytes of file"),
         ("cut.png", header(8, 8), "PNG"),
-        ("text.png", b"not an image".to_vec(), "PNG or JPEG"),
-        ("empty.png", Vec::new(), "PNG or JPEG"),
+        ("text.png", b"not an image".to_vec(), "PNG, JPEG or WebP"),
+        ("empty.png", Vec::new(), "PNG, JPEG or WebP"),
         ("cut.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF".to_vec(), "JPEG"),
     ] {
         write(directory.path(), name, &bytes);
         expect_invalid(&textured(json!({"uri": name})).write(directory.path()), "/images/0/uri", words);
     }
     expect_invalid(&textured(json!({"uri": "none.png"})).write(directory.path()), "/images/0/uri", "none.png");
-    expect_invalid(&textured(json!({"bufferView": 0})).write(directory.path()), "/images/0", "PNG or JPEG");
+    expect_invalid(&textured(json!({"bufferView": 0})).write(directory.path()), "/images/0", "PNG, JPEG or WebP");
     expect_invalid(&textured(json!({})).write(directory.path()), "/images/0", "neither");
     expect_invalid(
         &textured(json!({"uri": "a.png"})).set("/textures/0/source", json!(2)).write(directory.path()),

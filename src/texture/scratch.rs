@@ -1,0 +1,60 @@
+//! Tiled copies of images that do not fit into memory and are not stored in tiles: decoded once, written into a folder of the
+//! process's own, deleted with the scene.
+//!
+//! Why a copy: scan lines can be read in order only. A look-up into a PNG that is not held decodes it from its first row. Images
+//! inside a glTF are treated in the same way, so that their encoded bytes need not stay in memory.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::oiio::write_tiled;
+use super::{ColorSpace, Rows, pyramid};
+
+/// A folder below the system's for temporary files (`TMPDIR`).
+#[derive(Debug)]
+pub(super) struct Scratch {
+    folder: PathBuf,
+}
+
+impl Scratch {
+    pub(super) fn new() -> Result<Self, String> {
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let folder = std::env::temp_dir().join(format!("pathspace-{}-{number}", std::process::id()));
+        // Not `create_dir_all`: a folder that is there already is somebody else's.
+        std::fs::create_dir(&folder).map_err(|reason| format!("cannot make {}: {reason}", folder.display()))?;
+        Ok(Scratch { folder })
+    }
+
+    /// Writes an image and its pyramid; where to. Levels are averaged in linear values of `color_space`; `integers` says that
+    /// colours are encoded in the file.
+    pub(super) fn write(
+        &self,
+        number: usize,
+        image: &(usize, usize, Rows),
+        color_space: ColorSpace,
+        integers: bool,
+    ) -> Result<PathBuf, String> {
+        let path = self.folder.join(format!("{number}-{color_space:?}.tif"));
+        let decoded = integers && color_space == ColorSpace::Srgb;
+        let mut coarser: Vec<(usize, usize, Rows)> = Vec::new();
+        loop {
+            let (width, height, rows) = coarser.last().unwrap_or(image);
+            if width.max(height) <= &1 {
+                break;
+            }
+            coarser.push(pyramid::halved(*width, *height, rows, color_space, decoded));
+        }
+        let levels: Vec<_> =
+            std::iter::once(image).chain(&coarser).map(|(width, height, rows)| (*width, *height, rows)).collect();
+        write_tiled(&path, &levels).map_err(|reason| format!("cannot write {}: {reason}", path.display()))?;
+        Ok(path)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // A folder that cannot be removed is no reason to fail.
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}

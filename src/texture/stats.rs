@@ -1,0 +1,37 @@
+//! Counts of look-ups: one addition each, in the thread's own number, which workers hand over after each wave.
+
+use std::cell::Cell;
+
+use serde::Serialize;
+
+thread_local! {
+    static LOOKUPS: Cell<u64> = const { Cell::new(0) };
+}
+
+#[inline(always)]
+pub(super) fn count_lookup() {
+    LOOKUPS.with(|count| count.set(count.get() + 1));
+}
+
+/// Look-ups of this thread since it was last asked.
+#[inline]
+pub fn take_lookups() -> u64 {
+    LOOKUPS.replace(0)
+}
+
+/// What the tile cache did, over a scene's textures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct TextureStats {
+    /// Texels served without reading a file.
+    pub cache_hits: u64,
+    /// Tiles read from files.
+    pub cache_misses: u64,
+    /// Most bytes that the cache held.
+    pub cache_peak_bytes: u64,
+    /// Seconds of look-ups through the cache, over all threads, from one in 64 of them; those in memory are not timed.
+    pub cache_seconds: f64,
+    /// Seconds of these that went into reading files.
+    pub read_seconds: f64,
+    /// Look-ups that failed because a file changed or vanished; their texels are magenta.
+    pub failed: u64,
+}

@@ -1,0 +1,350 @@
+//! Image files as textures: formats, folding, UDIM, what is missing or broken, and memory.
+//!
+//! Unlit quads show their textures as they are, so pictures are compared to the bit wherever two ways lead to one texel.
+//! Nothing random is judged: no false alarms.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use pathspace::scene::{Budget, LoadOptions, MissingTexture, Scene, Texels};
+use pathspace::texture::decode::Decoder;
+use pathspace::texture::lookup;
+use serde_json::{Value, json};
+
+use crate::common::{options, render};
+use crate::loading::fixture::Fixture;
+
+/// A row of unlit quads, one for each image.
+fn gallery(directory: &Path, images: &[Value]) -> PathBuf {
+    let n = images.len();
+    let mut fixture = Fixture::quad();
+    let members = |i: usize| {
+        json!({"name": format!("picture {i}"), "extensions": {"KHR_materials_unlit": {}},
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": i}}})
+    };
+    let meshes = |i: usize| json!({"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": i}]});
+    let mut nodes: Vec<Value> = (0..n).map(|i| json!({"mesh": i, "translation": [i, 0.0, 0.0]})).collect();
+    let half = n as f64 / 2.0;
+    nodes.push(json!({"camera": 0, "translation": [half, 0.5, 1.0]}));
+    fixture = fixture
+        .set("/extensionsUsed", json!(["KHR_materials_unlit"]))
+        .set("/images", json!(images))
+        .set("/textures", (0..n).map(|i| json!({"source": i})).collect())
+        .set("/materials", (0..n).map(members).collect())
+        .set("/meshes", (0..n).map(meshes).collect())
+        .set("/scenes/0/nodes", (0..=n).collect())
+        .set("/nodes", nodes.into())
+        .set(
+            "/cameras/0",
+            json!({"type": "orthographic", "orthographic": {"xmag": half, "ymag": 0.5, "znear": 0.1, "zfar": 10.0}}),
+        );
+    fixture.write(directory)
+}
+
+/// Texels without a pattern, the same for the same seed.
+fn noise(side: u32, seed: u32) -> image::RgbImage {
+    let mut state = u64::from(seed) + 1;
+    image::RgbImage::from_fn(side, side, |_, _| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let [a, b, c, ..] = (state >> 33).to_le_bytes();
+        image::Rgb([a, b, c])
+    })
+}
+
+fn load(path: &Path, megabytes: u64) -> Scene {
+    let options = LoadOptions {
+        texture_budget: Budget { bytes: megabytes << 20, ..Budget::default() },
+        ..LoadOptions::default()
+    };
+    Scene::load_with(path, &options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn picture(scene: &Scene, width: u32, height: u32) -> u64 {
+    render(scene, options(width, height, 4)).film.hash()
+}
+
+/// A set of textures of 4 times the budget gives the same bits as all of it in memory, and takes no more memory than a
+/// render without textures and the budget, 10 % on top. Without OpenImageIO a warning says that it cannot.
+#[test]
+fn a_set_of_four_times_the_budget_stays_within_it() {
+    const BUDGET: u64 = 64;
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    // 2048² texels of 4 bytes and a third for the pyramid: 21.3 MB each.
+    let n = 12;
+    let images: Vec<Value> = (0..n)
+        .map(|i| {
+            let name = format!("{i}.png");
+            noise(2048, i).save(directory.path().join(&name)).expect("a temporary directory can be written");
+            json!({"uri": name})
+        })
+        .collect();
+    let path = gallery(directory.path(), &images);
+    let small = tempfile::tempdir().expect("a temporary directory");
+    noise(8, 1).save(small.path().join("0.png")).expect("a temporary directory can be written");
+    let plain = gallery(small.path(), &vec![json!({"uri": "0.png"}); n as usize]);
+
+    let run = |scene: &Path, megabytes: u64| -> (String, u64, Value, String) {
+        let stats = directory.path().join("stats.json");
+        let output = Command::new(env!("CARGO_BIN_EXE_pathspace"))
+            .args(["render", "--width", "480", "--height", "40", "--spp", "16", "--threads", "2"])
+            .args(["--texture-memory", &megabytes.to_string()])
+            .arg(scene)
+            .args([Path::new("-o"), &directory.path().join("out.exr"), Path::new("--stats"), &stats])
+            .output()
+            .expect("the binary runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let stats: Value = serde_json::from_slice(&std::fs::read(stats).expect("written")).expect("JSON");
+        let hash = stats["film_hash"].as_str().expect("a hash").to_string();
+        (hash, stats["peak_rss_bytes"].as_u64().expect("Linux"), stats["textures"].clone(), said)
+    };
+    let (all, in_memory, counts, _) = run(&path, 1024);
+    assert!(counts["lookups"].as_u64() > Some(480 * 40 * 15) && counts["cache_misses"] == 0, "{counts}");
+    let (same, bounded, counts, said) = run(&path, BUDGET);
+    assert_eq!(all, same);
+    if !cfg!(feature = "oiio") {
+        assert!(said.contains("no texture cache"), "{said}");
+        return;
+    }
+    let (_, without, _, _) = run(&plain, BUDGET);
+    let used = bounded.saturating_sub(without) as f64 / f64::from(1 << 20);
+    eprintln!("{used:.1} MB used of {BUDGET}; all in memory {} MB; {counts}", (in_memory - without) >> 20);
+    assert!(used <= 1.1 * BUDGET as f64, "{used} MB used, {BUDGET} allowed; {counts}");
+    assert!(counts["cache_misses"].as_u64() > Some(100) && counts["failed"] == 0, "{counts}");
+    assert!(counts["cache_peak_bytes"].as_u64() <= Some(BUDGET << 20), "{counts}");
+    assert!(counts["cache_seconds"].as_f64() > Some(0.0), "{counts}");
+    // Nothing is left behind.
+    let temporary = std::fs::read_dir(std::env::temp_dir()).expect("readable");
+    let left = temporary.filter_map(|e| e.ok()?.file_name().into_string().ok());
+    let mine = format!("pathspace-{}-", std::process::id());
+    assert!(left.into_iter().all(|name| !name.starts_with(&mine)));
+}
+
+/// The same image by name, inside the buffer and as a data URI, held and through the cache: the same bits.
+#[test]
+fn embedded_images_go_the_same_way() {
+    use base64::Engine;
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let mut png = std::io::Cursor::new(Vec::new());
+    noise(1500, 5).write_to(&mut png, image::ImageFormat::Png).expect("a PNG in memory");
+    let png = png.into_inner();
+    std::fs::write(directory.path().join("a.png"), &png).expect("a temporary directory can be written");
+    let data = format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(&png));
+    let others = json!({"uri": "b.png"});
+    noise(1800, 6).save(directory.path().join("b.png")).expect("a temporary directory can be written");
+    let mut hashes = Vec::new();
+    for (image, megabytes) in [
+        (json!({"uri": "a.png"}), 4096),
+        (json!({"uri": data.clone()}), 4096),
+        (json!({"uri": data}), 20),
+        (json!({"uri": "a.png"}), 20),
+    ] {
+        let scene = load(&gallery(directory.path(), &[image, others.clone()]), megabytes);
+        let held = scene.textures.iter().filter(|texture| matches!(texture.texels, Texels::Eight(_))).count();
+        assert_eq!(held == 2, megabytes > 20 || cfg!(not(feature = "oiio")));
+        hashes.push(picture(&scene, 80, 40));
+    }
+    let glb = {
+        let path = gallery(directory.path(), &[json!({"bufferView": 3, "mimeType": "image/png"}), others]);
+        let mut fixture = Fixture::quad();
+        fixture.json = serde_json::from_slice(&std::fs::read(path).expect("written")).expect("JSON");
+        assert_eq!(fixture.view(&png), 3);
+        crate::loading::fixture::write(directory.path(), "scene.glb", &fixture.glb())
+    };
+    hashes.push(picture(&load(&glb, 4096), 80, 40));
+    hashes.push(picture(&load(&glb, 20), 80, 40));
+    assert!(hashes.iter().all(|hash| *hash == hashes[0]), "{hashes:?}");
+}
+
+/// OpenImageIO and the crates decode a PNG to the same texels, and the pictures are the same bits.
+#[test]
+fn decoders_agree() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    noise(64, 9).save(directory.path().join("a.png")).expect("a temporary directory can be written");
+    let path = gallery(directory.path(), &[json!({"uri": "a.png"})]);
+    let of = |decoder| {
+        let texture_budget = Budget { decoder, ..Budget::default() };
+        let options = LoadOptions { texture_budget, ..LoadOptions::default() };
+        Scene::load_with(&path, &options).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let (a, b) = (of(Decoder::Default), of(Decoder::Crates));
+    assert_eq!(a.textures[0].texels.eight(), b.textures[0].texels.eight());
+    assert_eq!(picture(&a, 32, 32), picture(&b, 32, 32));
+}
+
+/// One value everywhere is a factor. Oracle: the product by hand; no texture stage is left.
+#[test]
+fn constant_textures_are_folded() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let write = |name: &str, side, texel: [u8; 4]| {
+        let image = image::RgbaImage::from_pixel(side, side, image::Rgba(texel));
+        image.save(directory.path().join(name)).expect("a temporary directory can be written");
+    };
+    write("base.png", 1, [255, 188, 0, 255]);
+    write("mr.png", 4, [0, 51, 255, 255]);
+    write("flat.png", 2, [128, 127, 255, 255]);
+    write("tilted.png", 2, [200, 128, 255, 255]);
+    write("clear.png", 2, [255, 188, 0, 100]);
+    let with = |base: &str, normal: &str| {
+        let material = json!({"normalTexture": {"index": 2}, "pbrMetallicRoughness": {"roughnessFactor": 0.5,
+            "baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 1}}, "emissiveTexture": {"index": 0}, "emissiveFactor": [0.5, 0.5, 0.5]});
+        let images = json!([{"uri": base}, {"uri": "mr.png"}, {"uri": normal}]);
+        let fixture = Fixture::quad()
+            .set("/images", images)
+            .set("/textures", json!([{"source": 0}, {"source": 1}, {"source": 2}]))
+            .set("/materials/0", material);
+        load(&fixture.write(directory.path()), 4096)
+    };
+    let scene = with("base.png", "flat.png");
+    let material = &scene.materials[0];
+    assert!(!material.reads_textures());
+    let green = pathspace::texture::SRGB_TO_LINEAR[188];
+    assert_eq!(material.base_color.to_array(), [1.0, green, 0.0]);
+    assert_eq!(material.emissive.to_array(), [0.5, 0.5 * green, 0.0]);
+    assert_eq!((material.roughness, material.metallic), (0.5 * (51.0 * (1.0 / 255.0)), 1.0));
+    let renderer = pathspace::Renderer::new(&scene, options(8, 8, 1)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(!renderer.plan().stages.contains(&"textures"), "{:?}", renderer.plan().stages);
+    // Alpha is no factor of the colour, and a tilt is no flat normal.
+    let scene = with("clear.png", "tilted.png");
+    assert!(scene.materials[0].base_color_texture.is_some() && scene.materials[0].normal_texture.is_some());
+}
+
+/// Images that cannot be used: one error that names file and material, or a warning and magenta; never more memory than the
+/// file's bytes account for. Oracle: the words.
+#[test]
+fn unusable_images_are_named() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let mut png = std::io::Cursor::new(Vec::new());
+    noise(64, 3).write_to(&mut png, image::ImageFormat::Png).expect("a PNG in memory");
+    let png = png.into_inner();
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    noise(64, 3).write_to(&mut jpeg, image::ImageFormat::Jpeg).expect("a JPEG in memory");
+    let jpeg = jpeg.into_inner();
+    let header = |width: u32, height: u32| {
+        format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes()
+    };
+    for (name, bytes, words) in [
+        ("absent.png", None, "cannot read"),
+        ("cut.png", Some(png[..png.len() / 2].to_vec()), "valid PNG"),
+        ("cut.jpg", Some(jpeg[..jpeg.len() / 2].to_vec()), "valid JPEG"),
+        ("empty.png", Some(Vec::new()), "found bytes that begin"),
+        ("huge.hdr", Some(header(100_000, 100_000)), "100000 × 100000"),
+        ("zero.hdr", Some(header(0, 0)), "found"),
+        ("nan.exr", Some(exr_of(f32::NAN)), "4 texels with NaN"),
+        ("infinite.exr", Some(exr_of(f32::INFINITY)), "4 texels with NaN or infinity"),
+    ] {
+        if let Some(bytes) = &bytes {
+            std::fs::write(directory.path().join(name), bytes).expect("a temporary directory can be written");
+        }
+        let path = gallery(directory.path(), &[json!({"uri": name})]);
+        let error = Scene::load(&path).expect_err(name).to_string();
+        for word in [words, name, "picture 0"] {
+            assert!(error.contains(word), "{name}: {error}");
+        }
+        assert!(!error.contains('\n'), "{error}");
+
+        let options = LoadOptions { missing_texture: MissingTexture::Magenta, ..LoadOptions::default() };
+        let scene = Scene::load_with(&path, &options).unwrap_or_else(|e| panic!("{e}"));
+        let warning = scene.warnings.iter().find(|w| w.what.contains("magenta")).unwrap_or_else(|| panic!("{name}"));
+        assert!(warning.what.contains(name) && warning.what.contains("picture 0"), "{warning:?}");
+        assert_eq!(scene.materials[0].base_color.to_array(), [1.0, 0.0, 1.0]);
+    }
+}
+
+/// A 2 × 2 OpenEXR of one value.
+fn exr_of(value: f32) -> Vec<u8> {
+    use exr::prelude::{Image, SpecificChannels, WritableImage};
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let channels = SpecificChannels::rgb(|_| (value, value, value));
+    Image::from_channels((2, 2), channels).write().to_buffered(&mut bytes).expect("an EXR in memory");
+    bytes.into_inner()
+}
+
+/// UDIM. Oracle: which of four images shows where. v = 0 is the upper edge of the first row; rows count upwards.
+#[test]
+fn udim_pages_lie_side_by_side() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    for (number, grey) in [(1001, 10), (1002, 20), (1011, 30), (1012, 40)] {
+        let image = image::RgbImage::from_pixel(2, 2, image::Rgb([grey; 3]));
+        image.save(directory.path().join(format!("skin.{number}.png"))).expect("a temporary directory can be written");
+    }
+    let scene = load(&gallery(directory.path(), &[json!({"uri": "skin.%3CUDIM%3E.png"})]), 4096);
+    let texture = &scene.textures[0];
+    assert!(matches!(texture.texels, Texels::Udim(_)));
+    let code = |u: f32, v: f32| {
+        let red = lookup(texture, glam::Vec2::new(u, v)).x;
+        pathspace::texture::SRGB_TO_LINEAR.iter().position(|&linear| linear == red)
+    };
+    assert_eq!([code(0.5, 0.5), code(1.5, 0.1), code(0.2, -0.5), code(1.9, -0.9)], [10, 20, 30, 40].map(Some));
+    assert_eq!(
+        [code(0.0, 1.0), code(0.0, 0.0), code(2.5, 0.5), code(f32::NAN, 0.5)],
+        [Some(10), Some(30), Some(0), Some(0)]
+    );
+    let error = Scene::load(gallery(directory.path(), &[json!({"uri": "none.<UDIM>.png"})])).expect_err("no page");
+    assert!(error.to_string().contains("1001"), "{error}");
+}
+
+#[cfg(feature = "oiio")]
+mod through_oiio {
+    use super::*;
+    use pathspace::texture::Rows;
+    use pathspace::texture::oiio::write_tiled;
+
+    fn rgba(image: &image::RgbImage) -> Vec<[u8; 4]> {
+        image.pixels().map(|p| [p[0], p[1], p[2], 255]).collect()
+    }
+
+    /// Tiled TIFF (what `maketx` writes as .tx) and PNG of the same texels: the same bits, held and through the cache; and a .tx
+    /// beside the image is what is read.
+    #[test]
+    fn tiled_files_show_the_same_picture() {
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let pictures = [noise(1500, 21), noise(1800, 22)];
+        let png: Vec<Value> = (0..2)
+            .map(|i| {
+                pictures[i].save(directory.path().join(format!("{i}.png"))).expect("written");
+                json!({"uri": format!("{i}.png")})
+            })
+            .collect();
+        let reference = picture(&load(&gallery(directory.path(), &png), 4096), 90, 45);
+        for (i, picture) in pictures.iter().enumerate() {
+            let side = picture.width() as usize;
+            let rows = Rows::Eight(rgba(picture));
+            write_tiled(&directory.path().join(format!("tiled{i}.tif")), &[(side, side, &rows)]).expect("written");
+        }
+        let tiled = [json!({"uri": "tiled0.tif"}), json!({"uri": "tiled1.tif"})];
+        for megabytes in [4096, 20] {
+            let scene = load(&gallery(directory.path(), &tiled), megabytes);
+            assert_eq!(scene.textures.iter().all(|t| matches!(t.texels, Texels::Stored(_))), megabytes == 20);
+            assert_eq!(picture(&scene, 90, 45), reference, "{megabytes} MB");
+        }
+
+        let inverted: Vec<[u8; 4]> = rgba(&pictures[0]).iter().map(|t| [255 - t[0], t[1], t[2], 255]).collect();
+        let side = pictures[0].width() as usize;
+        write_tiled(&directory.path().join("0.tx"), &[(side, side, &Rows::Eight(inverted.clone()))]).expect("written");
+        let scene = load(&gallery(directory.path(), &png), 4096);
+        assert_eq!(scene.textures[0].texels.eight(), Some(&inverted[..]));
+    }
+
+    /// Floats: a tiled file of linear values is the same held and through the cache, and shows what an 8-bit image of the same
+    /// colours shows, to rounding.
+    #[test]
+    fn float_images_are_linear() {
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let picture_8 = noise(1024, 31);
+        picture_8.save(directory.path().join("a.png")).expect("written");
+        let linear: Vec<[f32; 4]> = rgba(&picture_8)
+            .iter()
+            .map(|t| {
+                let [r, g, b] = [t[0], t[1], t[2]].map(|c| pathspace::texture::SRGB_TO_LINEAR[usize::from(c)]);
+                [r, g, b, 1.0]
+            })
+            .collect();
+        write_tiled(&directory.path().join("a.linear.tif"), &[(1024, 1024, &Rows::Float(linear))]).expect("written");
+        let of = |name: &str, megabytes| {
+            picture(&load(&gallery(directory.path(), &[json!({"uri": name})]), megabytes), 40, 40)
+        };
+        assert_eq!(of("a.linear.tif", 4096), of("a.png", 4096));
+        assert_eq!(of("a.linear.tif", 20), of("a.png", 4096));
+    }
+}
