@@ -258,7 +258,30 @@ impl<'a> Renderer<'a> {
     /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
     /// finished and what there is is returned.
     pub fn render_with(&self, progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
-        self.render_on(self.backend(), progress, None)
+        self.render_on(self.backend(), progress, None, None)
+    }
+
+    /// Goes on from `earlier`, a render of the same scene and options that was stopped, up to this renderer's limits: the film, its
+    /// halves and the counts are then, in every bit, those of one render without the stop. Times add up; limits on time are for
+    /// this part alone.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when `earlier` has another size or window, stopped within a pass, or when there is an error target,
+    /// whose looks would be missing.
+    pub fn resume(&self, earlier: Render) -> Result<Render> {
+        let film = &earlier.film;
+        let spp = film.spp();
+        let refused = |option, problem: &str| Err(Error::Option { option, problem: problem.into() });
+        if (film.resolution, film.window) != (self.plan.resolution, self.plan.window) {
+            return refused("--width", "the earlier render has another size or window");
+        }
+        if spp.min != spp.max {
+            return refused("--spp", "the earlier render was stopped within a pass: its pixels differ in samples");
+        }
+        if self.plan.limits.error.is_some() {
+            return refused("--error", "a render cannot be resumed towards an error target");
+        }
+        self.render_on(self.backend(), |_| ControlFlow::Continue(()), None, Some(earlier))
     }
 
     /// As [`render_with`](Self::render_with), with every ray handed to `backend`: the renderer's own, or one that stands
@@ -268,7 +291,7 @@ impl<'a> Renderer<'a> {
         backend: &dyn Backend,
         progress: impl FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Render> {
-        self.render_on(backend, progress, None)
+        self.render_on(backend, progress, None, None)
     }
 
     /// [`render_with`](Self::render_with), and the picture is shown to `watch` after every pass. The clock stands while it
@@ -278,7 +301,7 @@ impl<'a> Renderer<'a> {
         progress: impl FnMut(&Progress) -> ControlFlow<()>,
         mut watch: impl FnMut(&Checkpoint),
     ) -> Result<Render> {
-        self.render_on(self.backend(), progress, Some(&mut watch))
+        self.render_on(self.backend(), progress, Some(&mut watch), None)
     }
 
     fn render_on(
@@ -286,20 +309,35 @@ impl<'a> Renderer<'a> {
         backend: &dyn Backend,
         mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
         mut watch: Option<&mut dyn FnMut(&Checkpoint)>,
+        earlier: Option<Render>,
     ) -> Result<Render> {
         let limits = &self.plan.limits;
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
         let spp_limit = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
-        let film = Mutex::new(Film::new(self.plan.resolution, self.plan.window));
-        let counters = Mutex::new(Counters::default());
-        let lengths = self.plan.features.per_length.then(|| Mutex::new(LengthSums::new(self.plan.window)));
+        let earlier = earlier.unwrap_or_else(|| Render {
+            film: Film::new(self.plan.resolution, self.plan.window),
+            counters: Counters::default(),
+            lengths: None,
+            first_hits: None,
+            render_time: Duration::ZERO,
+            stop: StopReason::Spp,
+            forecast: None,
+        });
+        let first = earlier.film.spp().min;
+        let film = Mutex::new(earlier.film);
+        let counters = Mutex::new(earlier.counters);
+        let lengths = self
+            .plan
+            .features
+            .per_length
+            .then(|| Mutex::new(earlier.lengths.unwrap_or_else(|| LengthSums::new(self.plan.window))));
         let waves = Mutex::new(Vec::new());
         let tiles = self.tiles();
         let pixels = u64::from(self.plan.window.width) * u64::from(self.plan.window.height);
         let mut target = limits.error.map(|e| Watch::new(e, limits.min_spp, pixels, self.plan.sampler));
         let start = Instant::now();
 
-        let (mut done, mut relmse, mut predicted, mut forecast) = (0u64, None, None, None);
+        let (mut done, mut relmse, mut predicted, mut forecast) = (first, None, None, None);
         let mut stop = StopReason::Spp;
         let (mut last, mut estimated, mut shown) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
         let (mut samples, mut interval) = (1u64, ESTIMATE_INTERVAL);
@@ -307,7 +345,7 @@ impl<'a> Renderer<'a> {
             samples = samples.min(spp_limit - done);
             let pass = Pass {
                 backend,
-                first_sample: done,
+                first_sample: self.plan.sample_start + done,
                 samples,
                 tiles: &tiles,
                 film: &film,
@@ -375,13 +413,16 @@ impl<'a> Renderer<'a> {
         let (film, counters) = (film.into_inner(), counters.into_inner());
         let (film, mut counters) = (film.expect("no worker panicked"), counters.expect("no worker panicked"));
         self.locate(backend, &mut counters);
-        let first_hits = self.plan.features.first_hit.then(|| self.first_hits(film.spp().max, &mut counters));
+        let first_hits = match earlier.first_hits {
+            None if self.plan.features.first_hit => Some(self.first_hits(film.spp().max, &mut counters)),
+            known => known,
+        };
         Ok(Render {
             film,
             counters,
             lengths: lengths.map(|l| l.into_inner().expect("no worker panicked")),
             first_hits,
-            render_time: start.elapsed() - shown,
+            render_time: earlier.render_time + start.elapsed() - shown,
             stop,
             forecast,
         })

@@ -68,6 +68,8 @@ pub struct RenderPlan {
     pub limits: Limits,
     /// Seed of every random number.
     pub seed: u64,
+    /// Index of every pixel's first sample.
+    pub sample_start: u64,
     /// Worker threads, ≥ 1.
     pub threads: usize,
     /// Largest number of path edges.
@@ -168,6 +170,7 @@ impl RenderPlan {
                 min_spp: options.min_spp.max(2),
             },
             seed: options.seed,
+            sample_start: options.sample_start,
             threads: resolve_threads(options.threads),
             max_depth: options.max_depth,
             roulette: options.roulette,

@@ -134,6 +134,9 @@ pub struct RenderOptions {
     pub camera: CameraChoice,
     /// Seed of every random number.
     pub seed: u64,
+    /// Index of every pixel's first sample: renders with one seed that cover different ranges of samples add up to the render
+    /// of all of them.
+    pub sample_start: u64,
     /// Worker threads; 0 means all that the process may use.
     pub threads: usize,
     /// Finite aperture, if any.
@@ -178,6 +181,7 @@ impl Default for RenderOptions {
             min_spp: 16,
             camera: CameraChoice::First,
             seed: 0,
+            sample_start: 0,
             threads: 0,
             lens: None,
             filter: FilterKind::BlackmanHarris,

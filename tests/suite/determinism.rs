@@ -1,17 +1,18 @@
-//! Same input, same bits: threads, crops, the way samples are cut into passes.
+//! Same input, same bits: instruction sets, query modes, the way samples are cut into passes. Threads and tiles: hard case R04.
 
 use std::ops::ControlFlow;
 
 use glam::Vec3;
 use pathspace::backend::{BackendKind, QueryMode};
-use pathspace::plan::options::{Crop, Lens, RenderOptions};
+use pathspace::plan::options::{Lens, RenderOptions};
 use pathspace::render::{Renderer, StopReason};
 use pathspace::scene::Scene;
 use pathspace::scene::builder::SceneBuilder;
 
 use crate::common::{options, render};
 
-fn scene() -> Scene {
+/// A room with a lamp, a metal ball and a glass one.
+pub fn room() -> Scene {
     let mut b = SceneBuilder::new();
     let white = b.lambert(Vec3::splat(0.7));
     let light = b.emitter(Vec3::ZERO, Vec3::splat(4.0));
@@ -25,22 +26,10 @@ fn scene() -> Scene {
     b.build()
 }
 
-#[test]
-fn one_two_and_seven_threads_give_the_same_bits() {
-    let scene = scene();
-    for lens in [None, Some(Lens { radius_m: 0.02, focus_m: 1.2 })] {
-        let hash = |threads| render(&scene, RenderOptions { threads, lens, ..options(67, 41, 9) }).film.hash();
-        let one = hash(1);
-        assert_eq!(one, hash(2), "2 threads");
-        assert_eq!(one, hash(7), "7 threads");
-        assert_eq!(one, hash(2), "2 threads again");
-    }
-}
-
 /// Our own code compiled for AVX-512 and for AVX2, over the same hits. (On a processor without AVX-512 they are the same.)
 #[test]
 fn both_instruction_sets_of_the_wavefront_give_the_same_bits() {
-    let scene = scene();
+    let scene = room();
     for lens in [None, Some(Lens { radius_m: 0.02, focus_m: 1.2 })] {
         let hash = |isa: Option<&str>| {
             let isa = isa.map(String::from);
@@ -52,30 +41,10 @@ fn both_instruction_sets_of_the_wavefront_give_the_same_bits() {
 }
 
 #[test]
-fn counters_do_not_depend_on_threads() {
-    let scene = scene();
-    let counters = |threads| render(&scene, RenderOptions { threads, ..options(40, 40, 4) }).counters;
-    assert_eq!(counters(1), counters(3));
-}
-
-#[test]
-fn a_crop_shows_the_pixels_of_the_whole() {
-    let scene = scene();
-    let whole = render(&scene, options(60, 44, 5)).film;
-    let crop = Crop { x: 13, y: 7, width: 31, height: 22 };
-    let part = render(&scene, RenderOptions { crop: Some(crop), ..options(60, 44, 5) }).film;
-    for y in 0..crop.height {
-        for x in 0..crop.width {
-            assert_eq!(part.pixel(x, y), whole.pixel(x + crop.x, y + crop.y), "pixel {x},{y} of the crop");
-        }
-    }
-}
-
-#[test]
 fn every_query_mode_of_a_backend_shows_the_same_picture_within_rounding() {
     // Packets and single rays of one backend find the same hits up to rounding; a path that rounds to another triangle
     // may differ, so the means are compared: 0.5 % of the mean covers the noise of a few diverging paths of 40·40·8.
-    let scene = scene();
+    let scene = room();
     for &kind in BackendKind::available() {
         let mean = |mode| {
             let options = RenderOptions { backend: Some(kind), rays: Some(mode), ..options(40, 40, 8) };
@@ -92,7 +61,7 @@ fn every_query_mode_of_a_backend_shows_the_same_picture_within_rounding() {
 
 #[test]
 fn breaking_off_keeps_what_was_rendered() {
-    let scene = scene();
+    let scene = room();
     let renderer = Renderer::new(&scene, options(64, 64, 100_000)).expect("valid options");
     let render = renderer
         .render_with(|p| if p.spp >= 4 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
@@ -104,7 +73,7 @@ fn breaking_off_keeps_what_was_rendered() {
 #[test]
 fn samples_add_up_alike_however_they_are_cut_into_passes() {
     // The same 12 samples in one render that may cut them 1, 1, 2, 4, 4 and in one with a time limit nearby.
-    let scene = scene();
+    let scene = room();
     let plain = render(&scene, options(33, 17, 12)).film.hash();
     let timed = RenderOptions { time: Some(std::time::Duration::from_secs(600)), ..options(33, 17, 12) };
     assert_eq!(plain, render(&scene, timed).film.hash());

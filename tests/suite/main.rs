@@ -32,4 +32,3 @@ mod replay;
 mod sampling;
 mod selection;
 mod textures;
-mod transport;

@@ -7,7 +7,7 @@ use pathspace::shading::bsdf::dielectric::{Body, Dielectric, MAX_INDEX};
 use pathspace::shading::surface::Surface;
 use pathspace_stat::Pcg32;
 
-use super::{direction, glass, glossy, rough_surfaces, viewers};
+use super::{direction, glossy, rough_surfaces, viewers};
 
 /// What `sample` returns is what `eval` says of that direction. Oracle: each other; 2e-3 relative: the half vector is
 /// rebuilt from two f32 directions, which at alpha 0.05 shifts slopes by 1e-5 of it, and at grazing a hundred times that.

@@ -1,5 +1,5 @@
-//! Scattering functions: chi-square of every sampler, energy, agreement of eval, pdf and sample, reciprocity, and the
-//! corners of their domains (HARDCASES §3.4).
+//! Scattering functions: chi-square of every sampler, energy, agreement of eval, pdf and sample, and the corners of their
+//! domains. White furnaces, microfacets and reciprocity are hard cases (B01 to B15).
 
 mod chi2;
 mod energy;

@@ -102,7 +102,7 @@ fn b13_absorbing_slab() {
 }
 
 /// A ball of glass in a furnace of radiance 1, seen along −Z; the view is 2·`half_width` wide.
-fn ball(rows: u32, alpha: f32, half_width: f32) -> Scene {
+pub fn ball(rows: u32, alpha: f32, half_width: f32) -> Scene {
     let mut b = SceneBuilder::new();
     let glass = b.material(Material {
         metallic: 0.0,

@@ -5,6 +5,7 @@
 //! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
+mod accumulation;
 mod alpha;
 mod area_lights;
 mod degenerate;
@@ -23,7 +24,9 @@ mod microfacet;
 mod mis;
 mod modes;
 mod normals;
+mod random;
 mod receiver;
+mod reproducible;
 pub mod room;
 mod roulette;
 mod solid_angle;
