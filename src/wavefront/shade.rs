@@ -228,7 +228,7 @@ fn scatter<'c, B: Bsdfs<'c>, I: Isa>(
     for i in 0..LANES {
         let mut dead = true;
         for c in 0..3 {
-            to.beta[c][i] = vertices.beta[c][i] * to.beta[c][i];
+            to.beta[c][i] *= vertices.beta[c][i];
             // A throughput that is NaN goes on, to be counted.
             dead &= to.beta[c][i] <= 0.0;
         }
