@@ -18,7 +18,7 @@ help:
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
-	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind'
+	@echo '                  setup-nolib: without Embree and OpenImageIO; setup-lint: rustfmt and clippy; setup-gates: valgrind'
 
 setup:
 	@scripts/setup.sh

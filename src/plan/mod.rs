@@ -184,7 +184,7 @@ impl RenderPlan {
             features,
             effects,
             aovs: options.aovs.clone(),
-            bias: bias::ledger(scene, options),
+            bias: bias::ledger(scene, options, features.footprints),
             radiance_bound: bias::radiance_bound(scene),
         })
     }
@@ -275,7 +275,7 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let all: [(&'static str, bool); 18] = [
+    let all: [(&'static str, bool); 19] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
         ("closest-hit", true),
@@ -285,6 +285,7 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("roulette", options.roulette != Roulette::Off),
         ("smooth-normals", f.smooth_normals),
         ("textures", f.textures),
+        ("texture-filter", f.footprints),
         ("normal-maps", f.normal_maps),
         ("glossy", f.glossy),
         ("dielectric", f.dielectric),

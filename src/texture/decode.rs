@@ -68,12 +68,12 @@ impl Image {
             Texels::Float(plane) if self.integers && color_space == ColorSpace::Srgb => {
                 let mut base = plane.base.to_vec();
                 decode_colors(&mut base);
-                let coarser = plane.coarser.iter().cloned().map(|(width, height, mut texels)| {
-                    decode_colors(&mut texels);
-                    (width, height, texels)
-                });
-                Texels::Float(Plane { base: base.into(), coarser: coarser.collect() })
+                let mut levels = plane.levels().to_vec();
+                levels.iter_mut().for_each(|(_, _, texels)| decode_colors(texels));
+                Texels::Float(Plane::with_levels(base.into(), levels))
             }
+            // Levels that are made belong to one colour space.
+            Texels::Eight(plane) => Texels::Eight(Plane::with_levels(plane.base.clone(), plane.levels().to_vec())),
             other => other.clone(),
         }
     }
@@ -239,8 +239,8 @@ fn read_all(reader: &mut Reader, format: &Format) -> Result<Image, String> {
         }
     }
     let texels = match base {
-        Rows::Eight(base) => Texels::Eight(Plane { base: base.into(), coarser: eight.into() }),
-        Rows::Float(base) => Texels::Float(Plane { base: base.into(), coarser: float.into() }),
+        Rows::Eight(base) => Texels::Eight(Plane::with_levels(base.into(), eight)),
+        Rows::Float(base) => Texels::Float(Plane::with_levels(base.into(), float)),
     };
     Ok(Image { width: sizes[0].0, height: sizes[0].1, texels, integers: reader.info().integers })
 }
