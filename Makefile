@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates test hard test-nolib lint setup setup-nolib setup-lint setup-gates
+.PHONY: help render bench gates test hard golden test-nolib lint setup setup-nolib setup-lint setup-gates
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -13,6 +13,7 @@ help:
 	@echo 'make render       set up, build, render the Cornell box to cornell-box.exr and .png'
 	@echo 'make test         set up, build, run the whole test suite'
 	@echo 'make hard         set up, build, run the hard numerical cases; prints their table, writes tests/HARD.md'
+	@echo 'make golden       set up, build, write tests/golden anew (needs ../shared/assets; a commit of its own)'
 	@echo 'make test-nolib   the same without any C or C++ library'
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
@@ -56,6 +57,9 @@ hard: setup
 	mkdir -p $(HARD)
 	status=0; PATHSPACE_HARD=$(HARD) cargo test --no-fail-fast --test suite hard:: || status=$$?; \
 	PATHSPACE_HARD=$(HARD) cargo test --quiet --test suite hard::table::print -- --ignored --nocapture && cp $(HARD)/HARD.md tests/HARD.md && exit $$status
+
+golden: setup
+	cargo test --test suite asset::write -- --ignored
 
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)

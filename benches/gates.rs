@@ -27,7 +27,7 @@ use pathspace::plan::Gate;
 use pathspace::render::{FilterKind, Lens, RenderOptions, Renderer, Roulette, SamplerKind, Strategy};
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{
-    ColorSpace, Environment, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId, TextureSlot, Wrap,
+    AlphaMode, ColorSpace, Environment, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId, TextureSlot, Wrap,
 };
 
 /// Frame of a child. Four samples are always passes of 1, 1 and 2, whatever the clock says.
@@ -63,6 +63,10 @@ const ROWS: &[Row] = &[
     row("metallic-roughness texture", "metal-paper", "metallic-roughness-texture", Some(Gate::Textures)),
     row("normal map (with tangents)", "base", "normal-map", None),
     row("emissive texture", "base", "emissive-texture", None),
+    row("vertex colours", "base", "vertex-colours", Some(Gate::VertexColors)),
+    row("second set of coordinates", "base-colour-texture", "second-set", None),
+    row("alpha mask", "base-colour-texture", "alpha-mask", Some(Gate::Alpha)),
+    row("alpha blending", "base", "alpha-blend", Some(Gate::Alpha)),
     row("smooth normals", "base", "smooth-normals", Some(Gate::SmoothNormals)),
     row("specular lobes at all: a coat", "base", "coat", Some(Gate::General)),
     row("rough metal", "base", "metal", None),
@@ -137,6 +141,17 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
         "metal-paper" => (metal, Attributes::None),
         "metallic-roughness-texture" => (Material { metallic_roughness_texture: slot, ..metal }, Attributes::Uvs),
         "normal-map" => (Material { normal_texture: slot, ..lambert }, Attributes::Tangents),
+        "vertex-colours" => (Material { vertex_colors: true, ..lambert }, Attributes::Colors),
+        "second-set" => {
+            let second = Some(TextureSlot { texture: TextureId(0), uv_set: 1 });
+            (Material { base_color_texture: second, ..lambert }, Attributes::SecondUvs)
+        }
+        // The noise's alpha is half to one: a fifth of it is cut out.
+        "alpha-mask" => {
+            let mode = AlphaMode::Mask { cutoff: 0.6 };
+            (Material { base_color_texture: slot, alpha_mode: mode, ..lambert }, Attributes::Uvs)
+        }
+        "alpha-blend" => (Material { base_alpha: 0.8, alpha_mode: AlphaMode::Blend, ..lambert }, Attributes::None),
         "idle" => (lambert, Attributes::Uvs),
         _ => (lambert, Attributes::None),
     };
@@ -212,7 +227,9 @@ fn heap(b: &mut SceneBuilder) -> pathspace::scene::MeshId {
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Attributes {
     None,
+    Colors,
     Uvs,
+    SecondUvs,
     Tangents,
 }
 
@@ -222,10 +239,12 @@ fn square(b: &mut SceneBuilder, corners: [Vec3; 4], attributes: Attributes, mate
         name: "square".into(),
         positions: corners.to_vec(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
-        normals: None,
+        more_uvs: if attributes == Attributes::SecondUvs { vec![uvs.clone()] } else { Vec::new() },
         uvs: (attributes >= Attributes::Uvs).then_some(uvs),
+        colors: (attributes == Attributes::Colors).then(|| vec![Vec4::new(0.9, 0.5, 0.7, 1.0); 4]),
         tangents: (attributes == Attributes::Tangents).then(|| vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4]),
         material,
+        ..Mesh::default()
     });
     b.place(mesh, Affine3A::IDENTITY);
 }

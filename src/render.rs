@@ -26,8 +26,10 @@ use crate::scene::geometry::Geometry;
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::select::Selection;
+use crate::wavefront::alpha::AlphaTable;
 use crate::wavefront::queue::{self, Kind};
 use crate::wavefront::raygen::Chunk;
+use crate::wavefront::replay::Replay;
 use crate::wavefront::state::{Carried, Wave};
 use crate::wavefront::{self, Context, Counters};
 
@@ -154,6 +156,7 @@ pub struct Renderer<'a> {
     filter: FilterTable,
     kinds: Vec<Kind>,
     only_kind: Option<Kind>,
+    alpha: AlphaTable,
     albedo: SpecularAlbedo,
     pool: rayon::ThreadPool,
     build_time: Duration,
@@ -191,6 +194,7 @@ impl<'a> Renderer<'a> {
             filter: FilterTable::new(plan.filter),
             only_kind: queue::only_kind(scene, &kinds),
             kinds,
+            alpha: AlphaTable::new(scene),
             albedo: SpecularAlbedo::for_materials(&scene.materials),
             pool,
             geometry,
@@ -378,6 +382,7 @@ impl<'a> Renderer<'a> {
 
         let (film, counters) = (film.into_inner(), counters.into_inner());
         let (film, mut counters) = (film.expect("no worker panicked"), counters.expect("no worker panicked"));
+        self.locate(backend, &mut counters);
         let first_hits = self.plan.features.first_hit.then(|| self.first_hits(film.spp().max, &mut counters));
         Ok(Render {
             film,
@@ -485,7 +490,31 @@ impl<'a> Renderer<'a> {
                 medium: self.plan.features.dielectric || self.plan.features.thin || self.plan.features.absorption,
             },
             only_area: self.lights.only_area(),
+            alpha: &self.alpha,
             albedo: &self.albedo,
+            observer: None,
+        }
+    }
+
+    /// Renders one sample of a pixel of the full image again, with everything that was decided on its path written down.
+    /// Kernels, backend, query modes and random numbers are those of a render, and so are the bits.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for a pixel outside the full image.
+    pub fn replay(&self, pixel: (u32, u32), sample: u64) -> Result<Replay> {
+        let (width, height) = self.plan.resolution;
+        if pixel.0 >= width || pixel.1 >= height {
+            let problem = format!("{},{} lies outside the picture of {width}x{height} pixels", pixel.0, pixel.1);
+            return Err(Error::Option { option: "--pixel", problem });
+        }
+        Ok(wavefront::replay::run(&self.context(), pixel, sample))
+    }
+
+    /// Says of the listed samples that were not finite after how many scatterings they ceased to be.
+    fn locate(&self, backend: &dyn Backend, counters: &mut Counters) {
+        let context = Context { backend, ..self.context() };
+        for met in &mut counters.nonfinite_first {
+            met.bounce = wavefront::replay::nonfinite_bounce(&context, met.pixel, met.sample);
         }
     }
 

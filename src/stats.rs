@@ -57,7 +57,7 @@ pub struct Stats {
     pub bias: Vec<Bias>,
     /// The film's estimate of its own error; `null` until both halves of the film have samples.
     pub error: Option<ErrorStats>,
-    /// The first non-finite samples: pixel of the full image and sample index, for replay.
+    /// The first non-finite samples: pixel of the full image, sample index, bounce; `render --pixel` replays them.
     pub nonfinite_first: Vec<NonFiniteStats>,
     /// Rays refused because a component was NaN, infinite or out of range.
     pub invalid_rays: u64,
@@ -225,6 +225,9 @@ pub struct NonFiniteStats {
     pub pixel: [u32; 2],
     /// Sample index.
     pub sample: u64,
+    /// Scatterings of the path whose contribution was not finite; 0 for light seen directly. `null` where a replay of the
+    /// sample is finite.
+    pub bounce: Option<u32>,
 }
 
 impl SceneStats {
@@ -324,7 +327,7 @@ impl Stats {
             nonfinite_first: counters
                 .nonfinite_first
                 .iter()
-                .map(|n| NonFiniteStats { pixel: [n.pixel.0, n.pixel.1], sample: n.sample })
+                .map(|n| NonFiniteStats { pixel: [n.pixel.0, n.pixel.1], sample: n.sample, bounce: n.bounce })
                 .collect(),
             invalid_rays: counters.invalid_rays,
             capped_paths: counters.capped_paths,

@@ -53,15 +53,17 @@ pub enum Command {
     allow_negative_numbers = true,
     after_help = "\
 Of --spp, --time and --error the first that is met ends the render; with none of them it is 64 samples per pixel.\n\
-Example: pathspace render scene.gltf -o scene.exr --error 2% --time 10m --png scene.png"
+Example: pathspace render scene.gltf -o scene.exr --error 2% --time 10m --png scene.png\n\
+A pixel looks wrong? pathspace render scene.gltf --pixel 31,40 lists its samples; with --sample 7 the path of one is told.\n\
+Give the options of the picture itself (size, seed, filter, …): then they are the very paths of the picture, bit for bit."
 )]
 pub struct RenderArgs {
     /// Scene, .gltf or .glb
     pub scene: PathBuf,
 
     /// Picture to write, .exr (linear, float) or .png (8-bit sRGB preview)
-    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "FILE", required_unless_present = "pixel", help_heading = "Output")]
+    pub output: Option<PathBuf>,
     /// Also write an 8-bit sRGB preview
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     pub png: Option<PathBuf>,
@@ -98,6 +100,18 @@ pub struct RenderArgs {
     /// Samples per pixel before --error may stop the render; it also waits for 65536 samples over the picture
     #[arg(long, value_name = "N", default_value_t = 16, requires = "error", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping")]
     pub min_spp: u64,
+
+    /// Write no picture: list what each sample of this pixel of the full picture gave (--spp of them), the largest marked
+    #[arg(long, value_name = "X,Y", value_parser = units::pixel, help_heading = "Replay", conflicts_with_all = [
+        "output", "png", "exposure", "aov", "half", "stats", "reference", "error_log", "time", "error", "crop", "progress",
+    ])]
+    pub pixel: Option<(u32, u32)>,
+    /// Tell the path of this one sample, from 0, vertex by vertex: positions, normals, lobes, densities, weights, contributions
+    #[arg(long, value_name = "N", requires = "pixel", conflicts_with = "spp", help_heading = "Replay")]
+    pub sample: Option<u64>,
+    /// Print the replay as JSON
+    #[arg(long, requires = "pixel", help_heading = "Replay")]
+    pub json: bool,
 
     /// What is looked at, and how.
     #[command(flatten)]

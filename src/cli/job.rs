@@ -57,10 +57,11 @@ impl Outputs {
     pub fn check(args: &RenderArgs) -> Result<Self> {
         let (stats, error_log) = (args.stats.clone(), args.error_log.clone());
         let mut outputs = Outputs { stats, error_log, ..Outputs::default() };
-        match extension(&args.output).as_deref() {
-            Some("exr") => outputs.exr = Some(args.output.clone()),
-            Some("png") => outputs.pngs.push(args.output.clone()),
-            _ => return refuse("--output", format!("{}: the name must end in .exr or .png", args.output.display())),
+        let Some(output) = &args.output else { return refuse("--output", "a picture to write is missing".into()) };
+        match extension(output).as_deref() {
+            Some("exr") => outputs.exr = Some(output.clone()),
+            Some("png") => outputs.pngs.push(output.clone()),
+            _ => return refuse("--output", format!("{}: the name must end in .exr or .png", output.display())),
         }
         if let Some(png) = &args.png {
             if extension(png).as_deref() != Some("png") {

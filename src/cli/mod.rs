@@ -12,6 +12,7 @@ pub mod info;
 pub mod job;
 pub mod progress;
 pub mod render;
+pub mod replay;
 pub mod report;
 pub mod signal;
 pub mod units;

@@ -9,6 +9,7 @@ use super::error_log::ErrorLog;
 use super::info::PlanRecord;
 use super::job::{self, EnvironmentRequest, Outputs};
 use super::progress::{self, ProgressView};
+use super::replay;
 use super::report::Verbosity;
 use super::signal::Signals;
 use super::{EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, to_json};
@@ -23,6 +24,9 @@ use crate::stats::{Inputs, Seconds, Stats, bias};
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<u8> {
+    if let Some(pixel) = args.pixel {
+        return replay::run(args, pixel);
+    }
     let result = render(args);
     if let Err(error) = &result {
         progress::failed(args.progress, error);

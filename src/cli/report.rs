@@ -144,10 +144,12 @@ impl Verbosity {
             ));
         }
         if let Some(first) = stats.nonfinite_first.first() {
-            let [x, y] = first.pixel;
+            let ([x, y], sample) = (first.pixel, first.sample);
+            let bounce = first.bounce.map_or(String::new(), |bounce| format!(" bounce {bounce}"));
             self.note(format_args!(
-                "pathspace: warning: {} samples were not finite and count as 0, the first at pixel {x},{y} sample {}",
-                stats.nonfinite, first.sample
+                "pathspace: warning: {} samples were not finite and count as 0, the first at pixel {x},{y} sample \
+                 {sample}{bounce}; --pixel {x},{y} --sample {sample} shows its path",
+                stats.nonfinite
             ));
         }
     }

@@ -60,6 +60,12 @@ pub fn crop(text: &str) -> Result<Crop, String> {
     parse().ok_or_else(|| format!("'{text}' is not a window of pixels; write WxH+X+Y, as in 320x200+64+32"))
 }
 
+/// `X,Y`: column and row.
+pub fn pixel(text: &str) -> Result<(u32, u32), String> {
+    let parse = || text.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+    parse().ok_or_else(|| format!("'{text}' is not a pixel; write X,Y counted from 0 at the top left, as in 31,40"))
+}
+
 /// A finite number.
 pub fn finite(text: &str) -> Result<f32, String> {
     text.parse::<f32>().ok().filter(|v| v.is_finite()).ok_or_else(|| format!("'{text}' is not a finite number"))

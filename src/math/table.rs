@@ -185,7 +185,7 @@ impl AliasTable {
 }
 
 /// A cell drawn from a [`Distribution2D`], and a point in it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
     /// Column, from 0.
     pub column: u32,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::options::{Aov, RenderOptions, Strategy, TextureFilter};
-use crate::scene::{Material, Projection, PunctualKind, Scene};
+use crate::scene::{AlphaMode, Material, Mesh, Projection, PunctualKind, Scene};
 
 /// An effect that is not simulated, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -40,6 +40,12 @@ pub struct Features {
     pub footprints: bool,
     /// Base-colour textures.
     pub base_color_textures: bool,
+    /// Surfaces that are not there everywhere: alpha masks and blending.
+    pub alpha: bool,
+    /// Colours at vertices.
+    pub vertex_colors: bool,
+    /// More than one channel of texture coordinates on some mesh.
+    pub more_uvs: bool,
     /// Metallic-roughness textures.
     pub metallic_roughness_textures: bool,
     /// Normal maps.
@@ -100,11 +106,15 @@ pub enum Gate {
     LightsAtDeltas,
     /// One accumulator per path length, here for nobody.
     PerLength,
+    /// Passing rays, here through nothing; shadow rays look for their closest hit.
+    Alpha,
+    /// Colours at vertices, here of materials that read none.
+    VertexColors,
 }
 
 impl Gate {
     /// Every gate: what `--no-plan` opens.
-    pub const ALL: [Gate; 9] = [
+    pub const ALL: [Gate; 11] = [
         Gate::Lens,
         Gate::SmoothNormals,
         Gate::Textures,
@@ -114,6 +124,8 @@ impl Gate {
         Gate::LightSampling,
         Gate::LightsAtDeltas,
         Gate::PerLength,
+        Gate::Alpha,
+        Gate::VertexColors,
     ];
 
     /// Name in reports.
@@ -128,6 +140,8 @@ impl Gate {
             Gate::LightSampling => "light-sampling",
             Gate::LightsAtDeltas => "lights-at-deltas",
             Gate::PerLength => "per-length-images",
+            Gate::Alpha => "alpha",
+            Gate::VertexColors => "vertex-colours",
         }
     }
 }
@@ -147,6 +161,8 @@ impl Features {
                 Gate::LightSampling => self.light_sampling = strategy != Strategy::BsdfOnly,
                 Gate::LightsAtDeltas => self.lights_at_deltas = true,
                 Gate::PerLength => self.per_length = true,
+                Gate::Alpha => self.alpha = true,
+                Gate::VertexColors => self.vertex_colors = true,
             }
         }
     }
@@ -186,9 +202,16 @@ pub fn find(scene: &Scene, options: &RenderOptions, camera: usize, instanced: bo
             mark_textures(f, &mut found, material);
         } else if material.reads_textures() {
             let what = format!("textures of material '{}' on mesh '{}'", material.name, mesh.name);
-            push_once(&mut ignored, what, "the mesh has no TEXCOORD_0");
+            push_once(&mut ignored, what, "the mesh has no texture coordinates");
         }
+        mark_parts(f, &mut found, scene, mesh, material);
         mark_material(f, &mut found, material);
+    }
+    let mut placed =
+        scene.instances.iter().map(|instance| &scene.materials[scene.meshes[instance.mesh.index()].material.index()]);
+    if let Some(material) = placed.find(|material| material.occlusion_texture) {
+        let what = format!("occlusion-textures (material '{}')", material.name);
+        push_once(&mut ignored, what, "light transport computes occlusion itself");
     }
     if let Some(environment) = &scene.environment {
         if environment.intensity > 0.0 && environment.texels.iter().any(|t| t.max_element() > 0.0) {
@@ -264,6 +287,22 @@ fn mark_textures(f: &mut Features, found: &mut Found, material: &Material) {
     }
     if material.emissive_texture.is_some() {
         found.mark(&mut f.emissive_textures, 5, "emissive-textures", reason);
+    }
+}
+
+/// What vertices and textures say of where and how a surface is.
+fn mark_parts(f: &mut Features, found: &mut Found, scene: &Scene, mesh: &Mesh, material: &Material) {
+    let reason = || format!("material '{}'", material.name);
+    match material.effective_alpha(&scene.textures) {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask { .. } => found.mark(&mut f.alpha, 6, "alpha-masks", reason),
+        AlphaMode::Blend => found.mark(&mut f.alpha, 7, "alpha-blending", reason),
+    }
+    if material.vertex_colors && mesh.colors.is_some() {
+        found.mark(&mut f.vertex_colors, 8, "vertex-colours", || format!("mesh '{}'", mesh.name));
+    }
+    if mesh.uvs.is_some() && !mesh.more_uvs.is_empty() && material.uv_channels() > 1 {
+        found.mark(&mut f.more_uvs, 9, "more-texture-coordinates", || format!("mesh '{}'", mesh.name));
     }
 }
 

@@ -275,10 +275,11 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let all: [(&'static str, bool); 19] = [
+    let all: [(&'static str, bool); 21] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
         ("closest-hit", true),
+        ("alpha", f.alpha),
         ("environment", f.environment),
         ("emission", f.area_lights || f.unlit),
         ("absorption", f.absorption),
@@ -286,12 +287,13 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("smooth-normals", f.smooth_normals),
         ("textures", f.textures),
         ("texture-filter", f.footprints),
+        ("vertex-colours", f.vertex_colors),
         ("normal-maps", f.normal_maps),
         ("glossy", f.glossy),
         ("dielectric", f.dielectric),
         ("thin", f.thin),
         ("light-sampling", f.light_sampling),
-        ("any-hit", f.light_sampling),
+        (if f.alpha { "transmittance" } else { "any-hit" }, f.light_sampling),
         ("accumulate", true),
         ("per-length", f.per_length),
         ("first-hit", f.first_hit),

@@ -19,3 +19,19 @@ pub fn light(vertex: u32) -> u32 {
 pub fn bsdf(vertex: u32) -> u32 {
     PER_BOUNCE * vertex + 1
 }
+
+/// Sets for surfaces that are there by chance: this bit, the vertex before them, and a quarter of their number on the edge.
+const ALPHA: u32 = 1 << 31;
+/// Bits of that quarter; the vertex takes the 16 between.
+const ALPHA_BITS: u32 = 15;
+
+/// Surfaces that one ray can pass with numbers of their own; the next one counts as met.
+pub const MOST_PASSED: u32 = 4 << ALPHA_BITS;
+
+/// Set, and number within it, that decides whether a ray meets surface `passed` (from 0) of the way to path vertex `vertex`.
+/// Each surface has a number of its own. `None` from [`MOST_PASSED`] on.
+#[inline(always)]
+pub fn alpha(vertex: u32, passed: u32) -> Option<(u32, usize)> {
+    let set = ALPHA | (vertex - 1) << ALPHA_BITS | passed >> 2;
+    (passed < MOST_PASSED).then_some((set, passed as usize % 4))
+}

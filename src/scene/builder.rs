@@ -62,7 +62,7 @@ impl SceneBuilder {
     /// A mesh of its own, without normals or texture coordinates; not yet placed.
     pub fn mesh(&mut self, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, material: MaterialId) -> MeshId {
         let name = format!("mesh {}", self.scene.meshes.len());
-        let mesh = Mesh { name, positions, triangles, normals: None, uvs: None, tangents: None, material };
+        let mesh = Mesh { name, positions, triangles, material, ..Mesh::default() };
         self.full_mesh(mesh)
     }
 
@@ -148,7 +148,7 @@ impl SceneBuilder {
         let sign = if inward { -1.0 } else { 1.0 };
         let normals = smooth.then(|| positions.iter().map(|p| sign * (*p - center).normalize()).collect());
         let name = format!("sphere {}", self.scene.meshes.len());
-        let mesh = self.full_mesh(Mesh { name, positions, triangles, normals, uvs: None, tangents: None, material });
+        let mesh = self.full_mesh(Mesh { name, positions, triangles, normals, material, ..Mesh::default() });
         self.place(mesh, Affine3A::IDENTITY)
     }
 

@@ -114,10 +114,16 @@ pub struct Geometry {
     /// One record per triangle of every mesh.
     pub triangles: Vec<Triangle>,
     /// Unit normals at the corners of the triangles that have attributes. Triangles with tangents come first, then those
-    /// with texture coordinates, then those with normals alone, so that the shorter arrays below are prefixes.
+    /// with texture coordinates, then those with normals alone, so that the shorter arrays below are prefixes. (Those with
+    /// extras come before all, in the same order, and have every array filled.)
     pub normals: Vec<[Vec3; 3]>,
     /// Texture coordinates at the corners; only triangles whose material reads a texture have them.
     pub uvs: Vec<[Vec2; 3]>,
+    /// Channels 1 and up of the texture coordinates, each as long as `colors` or empty.
+    pub more_uvs: Vec<Vec<[Vec2; 3]>>,
+    /// Vertex colours at the corners. Triangles with colours or more than one channel come before all others; among them,
+    /// those without have white here.
+    pub colors: Vec<[Vec4; 3]>,
     /// Tangents and the bitangent's sign at the corners; only triangles whose material has a normal map have them.
     pub tangents: Vec<[Vec4; 3]>,
     /// World-space bounds over all placements: min and max; min > max when there is nothing.
@@ -131,13 +137,26 @@ pub struct Geometry {
 /// Which attributes a mesh's triangles carry, richest first: the order in which meshes are laid out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Attributes {
+    /// Colours or more than one channel of texture coordinates, and a place for all the others.
+    Extras,
     Tangents,
     Uvs,
     Normals,
     None,
 }
 
+/// Whether a mesh has attributes beyond [`Attributes`] that its material reads: colours, or more than one channel of
+/// texture coordinates.
+fn has_extras(mesh: &Mesh, material: &Material) -> bool {
+    (material.vertex_colors && mesh.colors.is_some()) || (mesh.uvs.is_some() && material.uv_channels() > 1)
+}
+
 impl Attributes {
+    /// What triangles get arrays for: those with extras for all.
+    fn laid_out(mesh: &Mesh, material: &Material) -> Self {
+        if has_extras(mesh, material) { Attributes::Extras } else { Attributes::of(mesh, material) }
+    }
+
     fn of(mesh: &Mesh, material: &Material) -> Self {
         if mesh.uvs.is_some() && mesh.tangents.is_some() && material.normal_texture.is_some() {
             Attributes::Tangents
@@ -162,18 +181,24 @@ impl Geometry {
         // mesh (`first_triangle`), attribute indices are global.
         let mut world = MeshRecords::default();
         let mut instanced: Vec<(u32, MeshRecords)> = Vec::new();
-        for richness in [Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None] {
+        let extras = |mesh: &&Mesh| has_extras(mesh, &scene.materials[mesh.material.index()]);
+        let placed = scene.instances.iter().map(|instance| &scene.meshes[instance.mesh.index()]);
+        let channels = placed.filter(extras).map(|mesh| mesh.more_uvs.len()).max();
+        geometry.more_uvs.resize_with(channels.unwrap_or(0), Vec::new);
+        for richness in
+            [Attributes::Extras, Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None]
+        {
             for instance in &scene.instances {
                 let mesh = &scene.meshes[instance.mesh.index()];
                 let material = &scene.materials[mesh.material.index()];
-                if baked[instance.mesh.index()] && Attributes::of(mesh, material) == richness {
+                if baked[instance.mesh.index()] && Attributes::laid_out(mesh, material) == richness {
                     geometry.bake(&mut world, mesh, richness, &instance.world_from_object);
                 }
             }
             for (id, mesh) in scene.meshes.iter().enumerate() {
                 let material = &scene.materials[mesh.material.index()];
                 let placed = scene.instances.iter().any(|i| i.mesh.index() == id);
-                if !baked[id] && placed && Attributes::of(mesh, material) == richness {
+                if !baked[id] && placed && Attributes::laid_out(mesh, material) == richness {
                     let mut records = MeshRecords::default();
                     geometry.bake(&mut records, mesh, richness, &Affine3A::IDENTITY);
                     instanced.push((id as u32, records));
@@ -203,6 +228,22 @@ impl Geometry {
     #[inline(always)]
     pub fn triangle(&self, geom: u32, prim: u32) -> &Triangle {
         &self.triangles[(self.meshes[geom as usize].first_triangle + prim) as usize]
+    }
+
+    /// Texture coordinates of channel `channel` on a triangle of these [`Triangle::attributes`], by the weights of its second
+    /// and third corner; `None` where it has none.
+    #[inline(always)]
+    pub fn uv(&self, attributes: u32, channel: u32, [u, v]: [f32; 2]) -> Option<Vec2> {
+        let uvs = if channel == 0 { &self.uvs } else { self.more_uvs.get(channel as usize - 1)? };
+        let [a, b, c] = uvs.get(attributes as usize)?;
+        Some(*a * (1.0 - u - v) + *b * u + *c * v)
+    }
+
+    /// Vertex colour, as [`uv`](Self::uv); white where the triangle has none.
+    #[inline(always)]
+    pub fn color(&self, attributes: u32, [u, v]: [f32; 2]) -> Vec4 {
+        let Some([a, b, c]) = self.colors.get(attributes as usize) else { return Vec4::ONE };
+        *a + (*b - *a) * u + (*c - *a) * v
     }
 
     /// Radius of the sphere around the bounds' centre that holds everything, metres; 1 when there is nothing.
@@ -277,15 +318,24 @@ impl Geometry {
             }),
             None => [n_g; 3],
         });
-        if let (true, Some(uvs)) = (richness <= Attributes::Uvs, &mesh.uvs) {
-            self.uvs.push(at.map(|i| if uvs[i].is_finite() { uvs[i] } else { Vec2::ZERO }));
+        let finite = |uvs: &Vec<Vec2>| at.map(|i| if uvs[i].is_finite() { uvs[i] } else { Vec2::ZERO });
+        if richness <= Attributes::Uvs {
+            self.uvs.push(mesh.uvs.as_ref().map_or([Vec2::ZERO; 3], finite));
         }
-        if let (Attributes::Tangents, Some(tangents)) = (richness, &mesh.tangents) {
+        if richness == Attributes::Extras {
+            for (channel, uvs) in self.more_uvs.iter_mut().enumerate() {
+                uvs.push(mesh.more_uvs.get(channel).map_or([Vec2::ZERO; 3], finite));
+            }
+            self.colors.push(mesh.colors.as_ref().map_or([Vec4::ONE; 3], |colors| at.map(|i| colors[i])));
+        }
+        if richness <= Attributes::Tangents {
             let linear = normal_matrix.inverse().transpose();
-            self.tangents.push(at.map(|i| {
-                let t = (linear * tangents[i].truncate().as_dvec3()).normalize_or_zero().as_vec3();
-                t.extend(if linear.determinant() < 0.0 { -tangents[i].w } else { tangents[i].w })
-            }));
+            let placed = |tangent: Vec4| {
+                let t = (linear * tangent.truncate().as_dvec3()).normalize_or_zero().as_vec3();
+                t.extend(if linear.determinant() < 0.0 { -tangent.w } else { tangent.w })
+            };
+            let tangents = mesh.tangents.as_ref();
+            self.tangents.push(tangents.map_or([Vec4::ZERO; 3], |tangents| at.map(|i| placed(tangents[i]))));
         }
         (self.normals.len() - 1) as u32
     }

@@ -3,6 +3,7 @@
 
 use glam::Vec3;
 
+use super::alpha::AlphaMode;
 use super::ids::TextureId;
 
 /// A texture bound to a material slot.
@@ -10,7 +11,8 @@ use super::ids::TextureId;
 pub struct TextureSlot {
     /// The texture (image and sampler).
     pub texture: TextureId,
-    /// Which `TEXCOORD_n` it reads. Only set 0 is read today; the loader rejects others.
+    /// Which channel of the mesh's texture coordinates it reads: 0 is [`Mesh::uvs`](super::Mesh::uvs), above it
+    /// [`Mesh::more_uvs`](super::Mesh::more_uvs). Transforms of KHR_texture_transform are already applied there.
     pub uv_set: u32,
 }
 
@@ -21,8 +23,16 @@ pub struct Material {
     pub name: String,
     /// `baseColorFactor` RGB in [0, 1].
     pub base_color: Vec3,
-    /// sRGB texture multiplied into `base_color`.
+    /// sRGB texture multiplied into `base_color`; its alpha into `base_alpha`.
     pub base_color_texture: Option<TextureSlot>,
+    /// `baseColorFactor` A in [0, 1]; read as `alpha_mode` says.
+    pub base_alpha: f32,
+    /// `alphaMode` with its cutoff.
+    pub alpha_mode: AlphaMode,
+    /// Whether [`Mesh::colors`](super::Mesh::colors) are multiplied into base colour and alpha.
+    pub vertex_colors: bool,
+    /// Whether the file has an `occlusionTexture`; recorded, because light transport computes occlusion itself.
+    pub occlusion_texture: bool,
     /// `metallicFactor` in [0, 1].
     pub metallic: f32,
     /// `roughnessFactor` in [0, 1]; GGX alpha is its square.
@@ -63,6 +73,10 @@ impl Default for Material {
             name: "default".into(),
             base_color: Vec3::ONE,
             base_color_texture: None,
+            base_alpha: 1.0,
+            alpha_mode: AlphaMode::Opaque,
+            vertex_colors: false,
+            occlusion_texture: false,
             metallic: 1.0,
             roughness: 1.0,
             metallic_roughness_texture: None,
@@ -84,12 +98,19 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Number of channels of texture coordinates that the slots read.
+    pub fn uv_channels(&self) -> usize {
+        self.slots().into_iter().flatten().map(|slot| slot.uv_set as usize + 1).max().unwrap_or(0)
+    }
+
+    /// Every texture slot, filled or not.
+    pub fn slots(&self) -> [Option<TextureSlot>; 4] {
+        [self.base_color_texture, self.metallic_roughness_texture, self.normal_texture, self.emissive_texture]
+    }
+
     /// Whether any slot is textured, so that texture coordinates are needed.
     pub fn reads_textures(&self) -> bool {
-        self.base_color_texture.is_some()
-            || self.metallic_roughness_texture.is_some()
-            || self.normal_texture.is_some()
-            || self.emissive_texture.is_some()
+        self.slots().iter().any(Option::is_some)
     }
 
     /// The most that the surface can reflect of light from any direction, by channel: the base colour of an exact Lambert

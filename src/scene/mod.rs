@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
+pub mod alpha;
 pub mod builder;
 pub mod camera;
 mod fold;
@@ -18,13 +19,14 @@ pub mod validate;
 
 pub use crate::texture::load::Budget;
 pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
+pub use alpha::AlphaMode;
 pub use camera::{Camera, Projection};
 pub use ids::{MaterialId, MeshId, TextureId};
 pub use light::{Environment, PunctualKind, PunctualLight};
 pub use material::{Material, TextureSlot};
 
 /// Triangles of one glTF primitive, in object space.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// `mesh name/primitive N`.
     pub name: String,
@@ -34,9 +36,14 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Unit vertex normals, or `None` for flat shading.
     pub normals: Option<Vec<Vec3>>,
-    /// `TEXCOORD_0`.
+    /// Texture coordinates of channel 0: of the file's set that the material's first texture reads, transformed as it asks.
     pub uvs: Option<Vec<Vec2>>,
-    /// Unit tangents with the bitangent's sign in w; present whenever a normal map needs them.
+    /// Channels 1 and up, for materials whose textures read different sets or transform them differently.
+    pub more_uvs: Vec<Vec<Vec2>>,
+    /// `COLOR_0`: linear RGB and alpha in [0, 1]; read where the material says so ([`Material::vertex_colors`]).
+    pub colors: Option<Vec<Vec4>>,
+    /// Unit tangents with the bitangent's sign in w, in the channel that the normal map reads; present whenever it needs
+    /// them.
     pub tangents: Option<Vec<Vec4>>,
     /// What the surface is made of.
     pub material: MaterialId,

@@ -35,12 +35,7 @@ impl Scene {
             }
         }
         for material in &self.materials {
-            let slots = [
-                material.base_color_texture,
-                material.metallic_roughness_texture,
-                material.normal_texture,
-                material.emissive_texture,
-            ];
+            let slots = material.slots();
             let fail = |problem: String| Err((format!("material \"{}\"", material.name), problem));
             if let Some(slot) = slots.iter().flatten().find(|slot| slot.texture.index() >= self.textures.len()) {
                 return fail(format!("expected a texture below {}, found {}", self.textures.len(), slot.texture.0));
@@ -53,6 +48,7 @@ impl Scene {
                 material.ior,
                 material.transmission,
                 material.thickness,
+                material.base_alpha,
             ];
             if !colors.iter().all(|color| color.is_finite()) || !factors.iter().all(|factor| factor.is_finite()) {
                 return fail("expected finite factors".into());
@@ -84,6 +80,8 @@ fn mesh_problem(mesh: &Mesh) -> Option<String> {
         ("normals", mesh.normals.as_ref().map(Vec::len)),
         ("uvs", mesh.uvs.as_ref().map(Vec::len)),
         ("tangents", mesh.tangents.as_ref().map(Vec::len)),
+        ("colors", mesh.colors.as_ref().map(Vec::len)),
+        ("more_uvs", mesh.more_uvs.iter().map(Vec::len).find(|&found| found != count)),
     ];
     if let Some((name, found)) =
         lengths.iter().find_map(|&(name, found)| Some((name, found.filter(|&found| found != count)?)))
@@ -97,7 +95,8 @@ fn mesh_problem(mesh: &Mesh) -> Option<String> {
         return Some(format!("expected corners below {count}, found {corner}"));
     }
     let finite = mesh.normals.iter().flatten().all(|normal: &Vec3| normal.is_finite())
-        && mesh.uvs.iter().flatten().all(|uv| uv.is_finite())
+        && mesh.uvs.iter().chain(&mesh.more_uvs).flatten().all(|uv| uv.is_finite())
+        && mesh.colors.iter().flatten().all(|color: &Vec4| color.is_finite())
         && mesh.tangents.iter().flatten().all(|tangent: &Vec4| tangent.is_finite());
     (!finite).then(|| "expected finite vertex attributes".into())
 }

@@ -68,18 +68,29 @@ impl Interaction {
         }
     }
 
-    /// Texture coordinates; `None` where the triangle has none.
+    /// Texture coordinates of channel 0; `None` where the triangle has none.
     #[inline(always)]
     pub fn uv(&self, geometry: &Geometry) -> Option<Vec2> {
-        uv(geometry, self.attributes, self.barycentric)
+        geometry.uv(self.attributes, 0, self.barycentric)
     }
-}
 
-/// Texture coordinates at barycentric weights of a triangle with these corner attributes; `None` where it has none.
-#[inline(always)]
-pub fn uv(geometry: &Geometry, attributes: u32, [u, v]: [f32; 2]) -> Option<Vec2> {
-    let [a, b, c] = geometry.uvs.get(attributes as usize)?;
-    Some(*a * (1.0 - u - v) + *b * u + *c * v)
+    /// Texture coordinates of any channel; of channel 0 where the triangle has no other.
+    #[inline(always)]
+    pub fn uv_of(&self, geometry: &Geometry, channel: u32) -> Option<Vec2> {
+        geometry.uv(self.attributes, channel, self.barycentric).or_else(|| self.uv(geometry))
+    }
+
+    /// Vertex colour, linear RGB and alpha; white where the triangle has none.
+    #[inline(always)]
+    pub fn color(&self, geometry: &Geometry) -> Vec4 {
+        geometry.color(self.attributes, self.barycentric)
+    }
+
+    /// Where corner attributes of the triangle are found, and the weights of its second and third corner.
+    #[inline(always)]
+    pub fn corner(&self) -> (u32, [f32; 2]) {
+        (self.attributes, self.barycentric)
+    }
 }
 
 /// World tangent at a hit, across the shading normal `n_s` of the front side, and the bitangent's sign; `None` where the triangle has

@@ -1,4 +1,4 @@
-//! Decoding without OpenImageIO: PNG, JPEG and Radiance by the `image` crate, OpenEXR by `exr`.
+//! Decoding without OpenImageIO: PNG, JPEG, WebP and Radiance by the `image` crate, OpenEXR by `exr`.
 //!
 //! Limits: 16-bit PNG is rounded to 8 bits; EXR needs channels named R, G and B in its first layer and loses its alpha; the
 //! largest level of a pyramid alone is read.
@@ -8,7 +8,7 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::decode::{Encoded, Format, Header, Image, broken, check_size};
+use super::decode::{Encoded, Format, Header, Image, broken, check_size, credited};
 
 /// Working memory a decoder may take beyond 16 bytes a texel.
 const DECODER_SLACK_BYTES: u64 = 64 << 20;
@@ -19,7 +19,7 @@ pub(super) fn inspect(encoded: Encoded, format: &Format) -> Result<Header, Strin
         Known::Exr => (exr_size(&bytes)?, 16),
         Known::Image(kind) => {
             let (width, height) = open(&bytes, kind, format, limits(DECODER_SLACK_BYTES))?.dimensions();
-            let texels = check_size(u64::from(width), u64::from(height), bytes.len() as u64)?;
+            let texels = check_size(u64::from(width), u64::from(height), credited(format, bytes.len() as u64))?;
             (texels, if kind == ImageFormat::Hdr { 16 } else { 4 })
         }
     };
@@ -33,7 +33,7 @@ pub(super) fn decode(encoded: Encoded, format: &Format) -> Result<Image, String>
         Known::Image(kind) => kind,
     };
     let (width, height) = open(&bytes, kind, format, limits(DECODER_SLACK_BYTES))?.dimensions();
-    let texels = check_size(u64::from(width), u64::from(height), bytes.len() as u64)?;
+    let texels = check_size(u64::from(width), u64::from(height), credited(format, bytes.len() as u64))?;
     let decoder = open(&bytes, kind, format, limits(16 * texels + DECODER_SLACK_BYTES))?;
     let image = DynamicImage::from_decoder(decoder).map_err(|reason| broken(format, &reason.to_string()))?;
     let (width, height) = (width as usize, height as usize);
@@ -54,10 +54,11 @@ fn known(format: &Format) -> Result<Known, String> {
     match format.name.as_str() {
         "png" => Ok(Known::Image(ImageFormat::Png)),
         "jpeg" => Ok(Known::Image(ImageFormat::Jpeg)),
+        "webp" => Ok(Known::Image(ImageFormat::WebP)),
         "hdr" => Ok(Known::Image(ImageFormat::Hdr)),
         "openexr" => Ok(Known::Exr),
         _ => Err(format!(
-            "expected PNG or JPEG, OpenEXR or Radiance .hdr, found {}, which needs a build with the feature 'oiio'",
+            "expected PNG, JPEG or WebP, OpenEXR or Radiance .hdr, found {}, which needs a build with the feature 'oiio'",
             format.title
         )),
     }

@@ -1,4 +1,4 @@
-//! Decoding of image files to texels: through OpenImageIO where it is built in, else PNG, JPEG, Radiance and OpenEXR by crates.
+//! Decoding of image files to texels: through OpenImageIO where it is built in, else PNG, JPEG, WebP, Radiance and OpenEXR by crates.
 //!
 //! Sizes in headers are checked before anything is allocated: at most 2²⁸ texels (16384²), and never more than the file's
 //! own length can possibly expand to. Which format a file has is told by its first bytes, else by the end of its name; no
@@ -153,7 +153,9 @@ impl Encoded<'_> {
             _ => {
                 let others = if cfg!(feature = "oiio") { ", or another format that OpenImageIO reads" } else { "" };
                 let found = first[..first.len().min(8)].escape_ascii().to_string();
-                Err(format!("expected PNG or JPEG, OpenEXR or Radiance .hdr{others}, found bytes that begin `{found}`"))
+                Err(format!(
+                    "expected PNG, JPEG or WebP, OpenEXR or Radiance .hdr{others}, found bytes that begin `{found}`"
+                ))
             }
         }
     }
@@ -196,7 +198,7 @@ pub(super) fn open<'b>(encoded: Encoded<'b>, format: &Format) -> Result<Reader<'
     let reader = Reader::open(&path, &format.name, bytes).map_err(|reason| broken(format, &reason))?;
     let (width, height) = reader.info().levels[0];
     let most = if reader.info().tile_rows.is_some() { MOST_TILED_TEXELS } else { MOST_TEXELS };
-    check_size_within(most, width as u64, height as u64, encoded.len()?)?;
+    check_size_within(most, width as u64, height as u64, credited(format, encoded.len()?))?;
     Ok(reader)
 }
 
@@ -256,6 +258,13 @@ pub(super) fn broken(format: &Format, reason: &str) -> String {
 /// Texels of an image of this size, if they may be allocated.
 pub(super) fn check_size(width: u64, height: u64, file_bytes: u64) -> Result<u64, String> {
     check_size_within(MOST_TEXELS, width, height, file_bytes)
+}
+
+/// Length of a file by which its size is judged. A WebP of one colour takes some 30 bytes whatever its size: 16 million texels are
+/// believed of any.
+pub(super) fn credited(format: &Format, file_bytes: u64) -> u64 {
+    const WEBP_BYTES: u64 = 2048;
+    if format.name == "webp" { file_bytes.max(WEBP_BYTES) } else { file_bytes }
 }
 
 fn check_size_within(most: u64, width: u64, height: u64, file_bytes: u64) -> Result<u64, String> {

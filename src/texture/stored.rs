@@ -91,7 +91,7 @@ impl Stored {
     /// Value at `uv` of a level that there is.
     pub(super) fn lookup_level(&self, texture: &Texture, level: usize, uv: Vec2) -> Vec4 {
         let count = self.tiles.lookups.fetch_add(1, Ordering::Relaxed);
-        let start = (count % TIMED == 0).then(Instant::now);
+        let start = count.is_multiple_of(TIMED).then(Instant::now);
         let (width, height) = self.levels[level];
         let value = self.mixed(texture, level, &Taps::new(texture, width, height, uv)).unwrap_or_else(|| {
             self.tiles.failed.fetch_add(1, Ordering::Relaxed);

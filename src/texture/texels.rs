@@ -153,6 +153,17 @@ impl Texels {
         }
     }
 
+    /// Whether some texel may not be opaque; of images that are not in memory this is assumed.
+    pub fn may_have_alpha(&self) -> bool {
+        match self {
+            Texels::Eight(plane) => plane.base.iter().any(|texel| texel[3] < u8::MAX),
+            Texels::Float(plane) => plane.base.iter().any(|texel| texel[3] < 1.0),
+            #[cfg(feature = "oiio")]
+            Texels::Stored(_) => true,
+            Texels::Udim(udim) => udim.pages().any(|(_, page)| page.texels.may_have_alpha()),
+        }
+    }
+
     /// The value of every texel as stored, with 8-bit channels over 255, if it is one for all.
     pub fn constant(&self) -> Option<[f32; 4]> {
         match self {

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::refusal;
 use crate::error::Result;
 use crate::math::float;
-use crate::scene::{Instance, Material, Mesh, Scene};
+use crate::scene::{AlphaMode, Instance, Material, Mesh, Scene};
 
 /// Lamps get at least this share of the patches.
 const LAMP_SHARE: f64 = 0.1;
@@ -199,6 +199,8 @@ fn not_diffuse(material: &Material) -> Option<&'static str> {
         (material.metallic > 0.0, "is a metal"),
         (material.specular > 0.0, "has a specular coat (specularFactor above 0)"),
         (material.reads_textures(), "has textures"),
+        (material.vertex_colors, "has vertex colours"),
+        (material.effective_alpha(&[]) != AlphaMode::Opaque, "is not opaque"),
     ]
     .into_iter()
     .find_map(|(is, why)| is.then_some(why))

@@ -37,9 +37,7 @@ pub fn samples(chunk: &Chunk, wave: &Wave, pixels: &mut [Pixel], counters: &mut 
             let mut rgb = gathered.radiance;
             if !rgb.iter().all(|c| c.is_finite()) {
                 counters.nonfinite += 1;
-                if counters.nonfinite_first.len() < NONFINITE_LISTED {
-                    counters.nonfinite_first.push(NonFinite { pixel: chunk.pixels[p], sample });
-                }
+                counters.list(NonFinite { pixel: chunk.pixels[p], sample, bounce: None });
                 rgb = [0.0; 3];
             }
             pixel.add((sample & 1) as usize, rgb, gathered.weight, gathered.coverage);

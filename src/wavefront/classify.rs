@@ -2,10 +2,12 @@
 //! one kind are shaded where they lie; what is sparse goes through a queue.
 
 use super::Context;
+use super::columns::{ZERO, ZERO3, get, set};
 use super::estimator;
 use super::queue::{KINDS, Kind};
 use super::state::Wave;
 use crate::backend::batch::{INVALID_ID, LANES};
+use crate::shading::light::environment::MapPoint;
 
 /// Lanes of one kind above which a block is shaded where it lies, its other lanes idle: gathering a lane costs about as
 /// much as shading it.
@@ -74,20 +76,30 @@ fn cover(wave: &mut Wave, block: usize, seen: u16) {
     }
 }
 
-/// Radiance of the environment for the lanes that left the scene.
+/// Radiance of the environment for the lanes that left the scene. A loop a step, so that the waits for memory of the lanes overlap.
 #[inline(always)]
 fn escape(context: &Context, wave: &mut Wave, block: usize, missed: u16, edge: u32) {
+    let Some(light) = context.lights.environment().filter(|_| missed != 0) else { return };
+    let (ray, paths) = (&wave.current.rays[block].ray, &wave.current.paths[block]);
+    let mut points = [MapPoint::default(); LANES];
+    for i in 0..LANES {
+        points[i] = light.map_point(ray.dir(i));
+    }
+    let mut light_pdf = ZERO;
+    if context.plan.samples_lights() {
+        for i in lanes_of(missed) {
+            light_pdf[i] = context.lights.p_environment(ray.org(i), get(&paths.last_n, i)) * light.pdf_at(points[i]);
+        }
+    }
+    let mut radiance = ZERO3;
     for i in lanes_of(missed) {
-        let ray = &wave.current.rays[block].ray;
-        let path = wave.current.paths[block].get(i);
-        let dir = ray.dir(i);
-        let seen = context.lights.environment_seen(dir, ray.org(i), path.last_n);
-        let light_pdf = if context.plan.samples_lights() { seen.pdf_sa } else { 0.0 };
-        let weight = estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf);
+        set(&mut radiance, i, light.lookup(points[i]));
+    }
+    for i in lanes_of(missed) {
+        let weight = estimator::emission_weight(context.plan.strategy, paths.last_pdf_sa[i], light_pdf[i]);
         // Inside an absorbing solid the way to infinity absorbs everything.
-        let absorbed = context.absorbs_fully(path.medium);
-        if weight > 0.0 && !absorbed {
-            wave.add(path.slot, edge, path.beta * seen.radiance * weight);
+        if weight > 0.0 && !context.absorbs_fully(paths.medium[i]) {
+            wave.sums.add(paths.slot[i], edge, get(&paths.beta, i) * get(&radiance, i) * weight);
         }
     }
 }

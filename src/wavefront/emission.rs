@@ -7,7 +7,6 @@ use super::state::{NO_MEDIUM, PathLane};
 use super::{Context, estimator};
 use crate::backend::batch::Hit;
 use crate::scene::{Material, TextureSlot};
-use crate::shading::interaction;
 use crate::shading::light::{EmitterHit, TexturePoint};
 use crate::texture;
 
@@ -24,35 +23,67 @@ pub struct Emitter {
 /// Weight of the emission of an emissive triangle met by the path's last BSDF sample from `org`.
 #[inline(always)]
 pub fn weight(context: &Context, path: &PathLane, org: Vec3, hit: &Emitter) -> f32 {
-    if path.last_pdf_sa == f32::INFINITY || !context.plan.samples_lights() || hit.light == u32::MAX {
+    if path.last_pdf_sa == f32::INFINITY {
         return 1.0;
     }
-    let &Emitter { light, distance_m, cos_light } = hit;
-    let hit = EmitterHit { light, distance_m, cos_light, area_m2: context.lights.area_m2(light) };
-    let light_pdf = context.lights.pdf_triangle(org, path.last_n, &hit);
+    let light_pdf = light_pdf_sa(context, path, org, hit);
     estimator::emission_weight(context.plan.strategy, path.last_pdf_sa, light_pdf)
 }
 
-/// Value of the emission texture at a sampled light point.
+/// Density with which light sampling at `org` would have found the emissive triangle, sr⁻¹; 0 where it does not take part.
+#[inline(always)]
+pub fn light_pdf_sa(context: &Context, path: &PathLane, org: Vec3, hit: &Emitter) -> f32 {
+    if !context.plan.samples_lights() || hit.light == u32::MAX {
+        return 0.0;
+    }
+    let &Emitter { light, distance_m, cos_light } = hit;
+    let hit = EmitterHit { light, distance_m, cos_light, area_m2: context.lights.area_m2(light) };
+    context.lights.pdf_triangle(org, path.last_n, &hit)
+}
+
+/// Value of the emission texture at a sampled light point, times the probability that the emitter is there.
 #[inline(always)]
 pub fn texel(context: &Context, point: &TexturePoint) -> Vec3 {
     let triangle = &context.geometry.triangles[point.triangle as usize];
     let slot = context.scene.materials[triangle.material as usize].emissive_texture;
-    match (slot, interaction::uv(context.geometry, triangle.attributes, point.barycentric)) {
-        (Some(slot), Some(uv)) => texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate(),
-        _ => Vec3::ONE,
+    let there = if context.plan.features.alpha {
+        context.alpha.coverage(context, triangle.material, (triangle.attributes, point.barycentric))
+    } else {
+        1.0
+    };
+    match slot.and_then(|slot| texel_at(context, slot, triangle.attributes, point.barycentric)) {
+        Some(texel) => texel * there,
+        None => Vec3::splat(there),
     }
 }
 
 /// A factor times its texture at a hit, where there is one.
 #[inline(always)]
 pub fn textured(context: &Context, hit: &Hit, factor: Vec3, slot: Option<TextureSlot>) -> Vec3 {
-    let Some(slot) = slot else { return factor };
     let attributes = context.geometry.triangle(hit.geom, hit.prim).attributes;
-    match interaction::uv(context.geometry, attributes, [hit.u, hit.v]) {
-        Some(uv) => factor * texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate(),
+    match slot.and_then(|slot| texel_at(context, slot, attributes, [hit.u, hit.v])) {
+        Some(texel) => factor * texel,
         None => factor,
     }
+}
+
+/// What an unlit surface shows.
+#[inline(always)]
+pub fn unlit_color(context: &Context, hit: &Hit, material: &Material) -> Vec3 {
+    let color = textured(context, hit, material.base_color, material.base_color_texture);
+    if material.vertex_colors {
+        let attributes = context.geometry.triangle(hit.geom, hit.prim).attributes;
+        color * context.geometry.color(attributes, [hit.u, hit.v]).truncate()
+    } else {
+        color
+    }
+}
+
+#[inline(always)]
+fn texel_at(context: &Context, slot: TextureSlot, attributes: u32, weights: [f32; 2]) -> Option<Vec3> {
+    let uv = |channel| context.geometry.uv(attributes, channel, weights);
+    let uv = uv(slot.uv_set).or_else(|| uv(0))?;
+    Some(texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate())
 }
 
 /// Beer–Lambert over the last edge, `distance_m` long: through the medium the path carries, or, when the camera started

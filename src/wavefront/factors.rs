@@ -39,6 +39,16 @@ impl Factors {
         if context.plan.features.textures {
             factors.apply_textures(context, rays, vertices);
         }
+        if context.plan.features.vertex_colors {
+            for i in (0..LANES).filter(|&i| vertices.active[i] != 0) {
+                if context.scene.materials[vertices.material[i] as usize].vertex_colors {
+                    let attributes = context.geometry.triangle(rays.hit.geom[i], rays.hit.prim[i]).attributes;
+                    let vertex = context.geometry.color(attributes, [rays.hit.u[i], rays.hit.v[i]]).truncate();
+                    let color = get(&factors.base_color, i) * vertex;
+                    set(&mut factors.base_color, i, color);
+                }
+            }
+        }
         factors
     }
 
@@ -52,12 +62,15 @@ impl Factors {
     fn apply_textures(&mut self, context: &Context, rays: &RayHitBlock, vertices: &mut Vertices) {
         let materials = &context.scene.materials;
         let material = |vertices: &Vertices, i: usize| -> &Material { &materials[vertices.material[i] as usize] };
+        // Channel 0 of the texture coordinates; slots with another look it up themselves.
         let mut uv = [Vec2::ZERO; LANES];
+        let mut corners = [(0, [0.0; 2]); LANES];
         let mut reads: Mask = [0; LANES];
         for i in 0..LANES {
             if vertices.active[i] != 0 && material(vertices, i).reads_textures() {
                 let attributes = context.geometry.triangle(rays.hit.geom[i], rays.hit.prim[i]).attributes;
-                if let Some(found) = interaction::uv(context.geometry, attributes, [rays.hit.u[i], rays.hit.v[i]]) {
+                corners[i] = (attributes, [rays.hit.u[i], rays.hit.v[i]]);
+                if let Some(found) = context.geometry.uv(attributes, 0, corners[i].1) {
                     (uv[i], reads[i]) = (found, 1);
                 }
             }
@@ -68,7 +81,11 @@ impl Factors {
             if features.footprints {
                 return Some(footprint::lookup(context, rays, vertices, i, slot));
             }
-            Some(texture::lookup(&context.scene.textures[slot.texture.index()], uv[i]))
+            let uv = match slot.uv_set {
+                0 => uv[i],
+                channel => context.geometry.uv(corners[i].0, channel, corners[i].1).unwrap_or(uv[i]),
+            };
+            Some(texture::lookup(&context.scene.textures[slot.texture.index()], uv))
         };
         if features.base_color_textures {
             for i in (0..LANES).filter(|&i| reads[i] != 0) {

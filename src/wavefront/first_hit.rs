@@ -89,10 +89,14 @@ impl First {
     fn at(context: &Context, hit: &Hit, dir: Vec3) -> Self {
         let at = Interaction::at(context.geometry, hit, context.plan.features.smooth_normals);
         let material = &context.scene.materials[at.material as usize];
-        let texel = match (material.base_color_texture, at.uv(context.geometry)) {
+        let slot = material.base_color_texture;
+        let mut texel = match (slot, slot.and_then(|slot| at.uv_of(context.geometry, slot.uv_set))) {
             (Some(slot), Some(uv)) => texture::lookup(&context.scene.textures[slot.texture.index()], uv).truncate(),
             _ => Vec3::ONE,
         };
+        if material.vertex_colors {
+            texel *= at.color(context.geometry).truncate();
+        }
         let normal = if at.n_g.dot(dir) > 0.0 { -at.n_s } else { at.n_s };
         First { albedo: material.base_color * texel, normal }
     }

@@ -16,8 +16,7 @@ use super::columns::{Lane, Mask, get};
 use super::state::PathBlock;
 use super::vertices::Vertices;
 use crate::backend::batch::{INVALID_ID, LANES, RayHitBlock};
-use crate::scene::TextureSlot;
-use crate::shading::interaction;
+use crate::scene::{Material, TextureSlot};
 use crate::texture;
 
 /// A path's cone at the origin of its ray.
@@ -61,7 +60,9 @@ pub fn scatter(cones: &mut [Cone], vertices: &Vertices, paths: &PathBlock, pdf_s
 pub fn lookup(context: &Context, rays: &RayHitBlock, vertices: &Vertices, i: usize, slot: TextureSlot) -> Vec4 {
     let texture = &context.scene.textures[slot.texture.index()];
     let triangle = context.geometry.triangle(rays.hit.geom[i], rays.hit.prim[i]);
-    let Some(uv) = interaction::uv(context.geometry, triangle.attributes, [rays.hit.u[i], rays.hit.v[i]]) else {
+    let at = |channel| context.geometry.uv(triangle.attributes, channel, [rays.hit.u[i], rays.hit.v[i]]);
+    // As everywhere: a triangle without the channel is read by its first.
+    let Some((channel, uv)) = at(slot.uv_set).map(|uv| (slot.uv_set, uv)).or_else(|| at(0).map(|uv| (0, uv))) else {
         return Vec4::ONE;
     };
     let (mut e1, mut e2) = (Vec3::from(triangle.e1), Vec3::from(triangle.e2));
@@ -70,13 +71,26 @@ pub fn lookup(context: &Context, rays: &RayHitBlock, vertices: &Vertices, i: usi
         (e1, e2) = (world.transform_vector3(e1), world.transform_vector3(e2));
     }
     let cos = get(&vertices.n_g, i).dot(get(&vertices.wo, i)).abs();
-    let per_metre = (uv_area(context, triangle.attributes) / e1.cross(e2).length()).sqrt();
+    let per_metre = (uv_area(context, triangle.attributes, channel) / e1.cross(e2).length()).sqrt();
     texture::lookup_filtered(texture, uv, per_metre * vertices.width[i] / cos)
 }
 
+/// Colour of an unlit surface at the hit of lane `i`, its texture averaged likewise.
+pub fn unlit_color(context: &Context, rays: &RayHitBlock, vertices: &Vertices, i: usize, material: &Material) -> Vec3 {
+    let mut color = material.base_color;
+    if let Some(slot) = material.base_color_texture {
+        color *= lookup(context, rays, vertices, i, slot).truncate();
+    }
+    if material.vertex_colors {
+        let attributes = context.geometry.triangle(rays.hit.geom[i], rays.hit.prim[i]).attributes;
+        color *= context.geometry.color(attributes, [rays.hit.u[i], rays.hit.v[i]]).truncate();
+    }
+    color
+}
+
 /// Twice the area of a triangle in texture coordinates.
-fn uv_area(context: &Context, attributes: u32) -> f32 {
-    let at = |u, v| interaction::uv(context.geometry, attributes, [u, v]).unwrap_or_default();
+fn uv_area(context: &Context, attributes: u32, channel: u32) -> f32 {
+    let at = |u, v| context.geometry.uv(attributes, channel, [u, v]).unwrap_or_default();
     let corner = at(0.0, 0.0);
     (at(1.0, 0.0) - corner).perp_dot(at(0.0, 1.0) - corner).abs()
 }

@@ -98,11 +98,21 @@ impl<'c> Bsdfs<'c> for Surfaces<'c> {
     }
 }
 
-impl Surfaces<'_> {
+impl<'c> Surfaces<'c> {
+    /// The surface of one lane.
+    pub fn surface(&self, i: usize) -> &Surface<'c> {
+        &self.surfaces[i]
+    }
+
+    /// Its frame.
+    pub fn frame(&self, i: usize) -> &Frame {
+        &self.frames[i]
+    }
+
     /// Draws a direction; refuses one that lies on the wrong geometric side. A delta lobe whose interpolated normal sends it
     /// there is drawn again about the geometric normal, so that smooth glass loses nothing at its silhouette.
     #[inline(always)]
-    fn sample_lane(&self, vertices: &Vertices, i: usize, u: [f32; 3]) -> Option<(BsdfSample, Frame)> {
+    pub fn sample_lane(&self, vertices: &Vertices, i: usize, u: [f32; 3]) -> Option<(BsdfSample, Frame)> {
         let (surface, frame) = (&self.surfaces[i], self.frames[i]);
         let wo = frame.to_local(get(&vertices.wo, i));
         let sample = surface.sample(wo, u)?;
@@ -122,7 +132,7 @@ impl Surfaces<'_> {
 
 /// Whether the local direction `wi` lies on the same side (reflection) or the other side (transmission) of both normals.
 #[inline(always)]
-fn consistent(vertices: &Vertices, i: usize, frame: &Frame, wo: Vec3, wi: Vec3) -> bool {
+pub fn consistent(vertices: &Vertices, i: usize, frame: &Frame, wo: Vec3, wi: Vec3) -> bool {
     let reflected = (wo.z > 0.0) == (wi.z > 0.0);
     let same_side = get(&vertices.n_g, i).dot(frame.to_world(wi)) > 0.0;
     reflected == same_side

@@ -3,7 +3,9 @@
 //!
 //! Rust never contracts a product and a sum by itself and no stage reorders a sum, so both give the same bits.
 
+use super::queue::Kind;
 use super::raygen::Chunk;
+use super::shade::{self, Bsdfs};
 use super::state::Wave;
 use super::{Context, Counters, run_inline};
 use crate::backend::batch::LANES;
@@ -19,6 +21,9 @@ pub trait Isa {
 
     /// Rows to columns.
     fn transpose(rows: [&[f32; LANES]; LANES]) -> [[f32; LANES]; LANES];
+
+    /// [`shade::run`] as a function of its own: one kernel is enough for an optimiser at a time.
+    fn shade<'c, B: Bsdfs<'c>, S: Scheme>(context: &Context<'c>, wave: &mut Wave, kind: Kind, edge: u32) -> u64;
 }
 
 /// What every processor can do.
@@ -45,6 +50,11 @@ impl Isa for Baseline {
             }
         }
         columns
+    }
+
+    #[inline(never)]
+    fn shade<'c, B: Bsdfs<'c>, S: Scheme>(context: &Context<'c>, wave: &mut Wave, kind: Kind, edge: u32) -> u64 {
+        shade::run::<B, S, Self>(context, wave, kind, edge)
     }
 }
 
@@ -96,6 +106,18 @@ mod avx512 {
             // SAFETY: see [`Avx512`].
             unsafe { transpose(rows) }
         }
+
+        #[inline(always)]
+        fn shade<'c, B: Bsdfs<'c>, S: Scheme>(context: &Context<'c>, wave: &mut Wave, kind: Kind, edge: u32) -> u64 {
+            // SAFETY: see [`Avx512`].
+            unsafe { shade::<B, S>(context, wave, kind, edge) }
+        }
+    }
+
+    #[inline(never)]
+    #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx512vbmi,gfni")]
+    fn shade<'c, B: Bsdfs<'c>, S: Scheme>(context: &Context<'c>, wave: &mut Wave, kind: Kind, edge: u32) -> u64 {
+        crate::wavefront::shade::run::<B, S, Avx512>(context, wave, kind, edge)
     }
 
     #[inline]

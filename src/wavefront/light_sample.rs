@@ -4,6 +4,8 @@
 use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, get, set};
 use super::{Context, emission};
 use crate::backend::batch::LANES;
+use crate::math::table::Cell;
+use crate::shading::light::environment::{EnvironmentLight, MapPoint};
 
 /// A light sample for each lane.
 #[repr(C, align(64))]
@@ -52,6 +54,8 @@ impl LightLanes {
                 set(&mut light.normal, i, point.normal);
                 light.error[i] = point.error;
             }
+        } else if let Some(environment) = context.lights.only_environment() {
+            light.draw_environment(environment, active, u);
         } else {
             for i in 0..LANES {
                 if active[i] != 0 {
@@ -60,6 +64,26 @@ impl LightLanes {
             }
         }
         light
+    }
+
+    /// A loop a step, so that the waits for memory of the lanes overlap.
+    #[inline(always)]
+    fn draw_environment(&mut self, environment: &EnvironmentLight, active: &Mask, u: &[Lane; 4]) {
+        let (mut cells, mut points) = ([Cell::default(); LANES], [MapPoint::default(); LANES]);
+        for i in (0..LANES).filter(|&i| active[i] != 0) {
+            cells[i] = environment.draw([u[1][i], u[2][i]]);
+        }
+        for i in 0..LANES {
+            let drawn = environment.direction(&cells[i]);
+            set(&mut self.wi, i, drawn.wi);
+            let usable = (active[i] != 0) & (drawn.pdf_sa < f32::INFINITY);
+            self.pdf_sa[i] = if usable { drawn.pdf_sa } else { 0.0 };
+            points[i] = drawn.point;
+        }
+        for i in (0..LANES).filter(|&i| active[i] != 0) {
+            set(&mut self.radiance, i, environment.lookup(points[i]));
+        }
+        self.infinite = [1; LANES];
     }
 
     #[inline(always)]

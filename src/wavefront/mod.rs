@@ -5,6 +5,7 @@
 //! threads nor tiles: a pixel's samples are added in ascending order.
 
 pub mod accumulate;
+pub mod alpha;
 pub mod capped;
 pub mod classify;
 pub mod columns;
@@ -18,11 +19,14 @@ pub mod general;
 pub mod isa;
 pub mod lambert;
 pub mod light_sample;
+pub mod observe;
 pub mod opaque;
 pub mod queue;
 pub mod raygen;
+pub mod replay;
 pub mod shade;
 pub mod state;
+pub mod vertex;
 pub mod vertices;
 
 use glam::Vec3;
@@ -43,6 +47,7 @@ use capped::Capped;
 use general::Surfaces;
 use isa::Isa;
 use lambert::LambertLanes;
+use observe::{Observer, Stage};
 use opaque::OpaqueLanes;
 use queue::Kind;
 use raygen::Chunk;
@@ -72,8 +77,12 @@ pub struct Context<'a> {
     pub carried: Carried,
     /// The one light of the scene with its radiance, if it is an untextured area light.
     pub only_area: Option<(&'a AreaLight, Vec3)>,
+    /// Where surfaces are there.
+    pub alpha: &'a alpha::AlphaTable,
     /// Directional albedo of dielectric coats; empty when no material has one.
     pub albedo: &'a SpecularAlbedo,
+    /// Who looks at the wave between the stages; nobody in a render.
+    pub observer: Option<&'a dyn Observer>,
 }
 
 impl Context<'_> {
@@ -128,9 +137,16 @@ impl Counters {
         self.capped_paths += other.capped_paths;
         self.capped.merge(&other.capped);
         self.texture_lookups += other.texture_lookups;
-        self.nonfinite_first.extend_from_slice(&other.nonfinite_first);
-        self.nonfinite_first.sort_by_key(|n| (n.sample, n.pixel.1, n.pixel.0));
-        self.nonfinite_first.truncate(accumulate::NONFINITE_LISTED);
+        other.nonfinite_first.iter().for_each(|&met| self.list(met));
+    }
+
+    /// Keeps the first non-finite samples in order of sample, row and column: the same ones whatever the order in which
+    /// they are met.
+    fn list(&mut self, met: NonFinite) {
+        let listed = &mut self.nonfinite_first;
+        let at = listed.partition_point(|other| other.place() < met.place());
+        listed.insert(at, met);
+        listed.truncate(accumulate::NONFINITE_LISTED);
     }
 }
 
@@ -141,6 +157,16 @@ pub struct NonFinite {
     pub pixel: (u32, u32),
     /// Sample index of the pixel.
     pub sample: u64,
+    /// Scatterings of the path whose contribution it was (0: light seen directly). Found by a replay at the end of the
+    /// render; `None` until then.
+    pub bounce: Option<u32>,
+}
+
+impl NonFinite {
+    /// The order in which samples are listed, which is no matter of tiles and passes.
+    fn place(&self) -> (u64, u32, u32) {
+        (self.sample, self.pixel.1, self.pixel.0)
+    }
 }
 
 /// Renders the samples of `chunk` (which must fit the wave) into `pixels`, one per pixel of the chunk.
@@ -177,20 +203,29 @@ fn run_inline<S: Scheme, I: Isa>(
             raygen::start_at_origin(&mut wave.current.rays[..blocks]);
         }
 
+        if context.plan.features.alpha {
+            let traced = alpha::closest::<S>(context, wave, edge, counters);
+            *(if edge == 1 { &mut counters.rays_camera } else { &mut counters.rays_bounce }) += traced;
+        }
         classify::run(context, wave, edge);
         wave.next.len = 0;
         wave.shadows.len = 0;
-        counters.capped_paths += shade::run::<LambertLanes, S, I>(context, wave, Kind::Lambert, edge);
-        counters.capped_paths += shade::run::<OpaqueLanes, S, I>(context, wave, Kind::Opaque, edge);
-        counters.capped_paths += shade::run::<Surfaces, S, I>(context, wave, Kind::General, edge);
+        counters.capped_paths += I::shade::<LambertLanes, S>(context, wave, Kind::Lambert, edge);
+        counters.capped_paths += I::shade::<OpaqueLanes, S>(context, wave, Kind::Opaque, edge);
+        counters.capped_paths += I::shade::<Surfaces, S>(context, wave, Kind::General, edge);
+        observe::look(context, Stage::Shaded, edge, wave);
 
-        if wave.shadows.len > 0 {
+        if wave.shadows.len > 0 && context.plan.features.alpha {
+            counters.rays_shadow += alpha::shadows(context, wave, counters);
+            accumulate::shadows(wave, edge + 1);
+        } else if wave.shadows.len > 0 {
             counters.rays_shadow += wave.shadows.len as u64;
             let blocks = wave.shadows.blocks();
             let shadows = &mut wave.shadows;
             counters.invalid_rays += context.backend.any_hit(&mut shadows.rays[..blocks], shadows.len, coherence);
             accumulate::shadows(wave, edge + 1);
         }
+        observe::look(context, Stage::Connected, edge, wave);
         std::mem::swap(&mut wave.current, &mut wave.next);
         coherence = Coherence::Incoherent;
         edge += 1;

@@ -10,7 +10,7 @@ pub const KINDS: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Kind {
-    /// Untextured exact Lambert: the lean kernel.
+    /// Exact Lambert without textures and vertex colours: the lean kernel.
     Lambert = 0,
     /// Opaque and lit: coats, metals, textures.
     Opaque = 1,
@@ -26,12 +26,10 @@ impl Kind {
 /// Kind of a material, resolved once per render.
 pub fn kind_of(material: &Material) -> Kind {
     if material.transmission > 0.0 || material.unlit {
-        Kind::General
-    } else if material.metallic == 0.0 && material.specular == 0.0 && !material.reads_textures() {
-        Kind::Lambert
-    } else {
-        Kind::Opaque
+        return Kind::General;
     }
+    let plain = !material.reads_textures() && !material.vertex_colors;
+    if material.metallic == 0.0 && material.specular == 0.0 && plain { Kind::Lambert } else { Kind::Opaque }
 }
 
 /// The kind of every material that is placed, if it is one for all.

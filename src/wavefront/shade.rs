@@ -64,6 +64,9 @@ struct Outputs<'w> {
 /// Shades the lanes of one kind: dense blocks where they lie, then the queue. Returns how many paths the depth limit ended.
 #[inline(always)]
 pub fn run<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(context: &Context<'c>, wave: &mut Wave, kind: Kind, edge: u32) -> u64 {
+    if context.only_kind.is_some_and(|only| only != kind) {
+        return 0;
+    }
     let blocks = wave.current.blocks();
     let queue = mem::take(&mut wave.queues[kind as usize]);
     let Wave { current, next, shadows, dense, sums, cones, .. } = wave;

@@ -6,6 +6,7 @@
 use bytemuck::{cast_mut, cast_ref};
 use glam::Vec3;
 
+use super::alpha::Passing;
 use super::capped::Capped;
 use super::columns::{Lane, Lane3};
 use super::footprint::Cone;
@@ -298,6 +299,8 @@ pub struct Wave {
     pub queues: [Vec<u32>; KINDS],
     /// Lanes of each block of `current` that are shaded where they lie, and their kind.
     pub dense: Vec<(Kind, u16)>,
+    /// Rays that go on behind surfaces which they pass; empty where no surface lets any pass.
+    pub passing: Passing,
     /// What the camera samples have gathered.
     pub sums: Sums,
     /// Widths of the paths, by camera sample; empty unless textures are averaged over them.
@@ -324,6 +327,7 @@ impl Wave {
             shadows: Shadows { rays: vec![RayBlock::EMPTY; blocks], carried: vec![ShadowBlock::EMPTY; blocks], len: 0 },
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
             dense: vec![(Kind::Lambert, 0); blocks],
+            passing: Passing::default(),
             sums: Sums {
                 gathered: vec![Gathered::default(); capacity],
                 per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },

@@ -128,12 +128,11 @@ impl Vertices {
             let material = &context.scene.materials[self.material[i] as usize];
             if self.active[i] != 0 && material.unlit {
                 let hit = rays.hit_unchecked(i);
-                let mut color = emission::textured(context, &hit, material.base_color, material.base_color_texture);
-                if context.plan.features.footprints
-                    && let Some(slot) = material.base_color_texture
-                {
-                    color = material.base_color * footprint::lookup(context, rays, self, i, slot).truncate();
-                }
+                let color = if context.plan.features.footprints {
+                    footprint::unlit_color(context, rays, self, i, material)
+                } else {
+                    emission::unlit_color(context, &hit, material)
+                };
                 sums.add(paths.slot[i], edge, get(&self.beta, i) * color);
                 self.active[i] = 0;
             }
@@ -189,6 +188,12 @@ impl Vertices {
             set(&mut receiver, i, float::spawn_origin(get(&self.p, i), n_g, self.error[i], n_g));
         }
         receiver
+    }
+
+    /// One lane as the emissive triangle that it met after `distance_m`.
+    #[inline(always)]
+    pub fn emitter(&self, i: usize, distance_m: f32) -> emission::Emitter {
+        emission::Emitter { light: self.light[i], distance_m, cos_light: self.cos_g[i] }
     }
 
     /// The geometric normal of the authored front side of one lane.

@@ -2,15 +2,15 @@
 //! scene gets the stages that it asks for and no others. Oracle: the film's hash, and tables written by hand.
 //! Deterministic.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use pathspace::Scene;
 use pathspace::backend::BackendKind;
 use pathspace::plan::Gate;
 use pathspace::render::{Lens, RenderOptions, Renderer, Strategy};
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{
-    ColorSpace, Environment, Material, MaterialId, Mesh, Projection, PunctualKind, Texture, TextureId, TextureSlot,
-    Wrap,
+    AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, MeshId, Projection, PunctualKind,
+    Texture, TextureId, TextureSlot, Wrap,
 };
 
 use crate::common::{options, render};
@@ -73,10 +73,9 @@ fn textured() -> Scene {
         name: "paper".into(),
         positions: corners.map(|(x, y)| Vec3::new(x, y, 0.3 * x - 0.2)).to_vec(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
-        normals: None,
         uvs: Some(corners.map(|(x, y)| Vec2::new(x, -y)).to_vec()),
-        tangents: None,
         material: paper,
+        ..Mesh::default()
     });
     builder.place(mesh, Affine3A::IDENTITY);
     builder.environment(Environment::constant(Vec3::new(0.4, 0.5, 0.6)));
@@ -103,8 +102,33 @@ fn dark() -> Scene {
     builder.build()
 }
 
-fn scenes() -> [(&'static str, Scene); 4] {
-    [("diffuse", diffuse()), ("shiny", shiny()), ("textured", textured()), ("dark", dark())]
+/// Cut out, blended and coloured at its vertices, before a wall, under a lamp that is cut out as well.
+fn sheer() -> Scene {
+    let mut scene = textured();
+    let half = Material { base_alpha: 0.5, alpha_mode: AlphaMode::Blend, ..scene.materials[0].clone() };
+    let paper = scene.meshes.iter().find(|mesh| mesh.uvs.is_some()).expect("the paper").clone();
+    let cut = Material {
+        alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
+        vertex_colors: true,
+        ..scene.materials[paper.material.index()].clone()
+    };
+    let lamp = Material { emissive: Vec3::splat(3.0), ..cut.clone() };
+    for (material, offset) in [(half, 0.3), (cut, 0.5), (lamp, 0.7)] {
+        scene.materials.push(material);
+        let colors = (0..4).map(|i| Vec4::new(1.0, 0.25 * i as f32, 0.5, 1.0)).collect();
+        scene.meshes.push(Mesh {
+            material: MaterialId(scene.materials.len() as u32 - 1),
+            colors: Some(colors),
+            ..paper.clone()
+        });
+        let world_from_object = Affine3A::from_translation(Vec3::new(0.0, 0.0, offset));
+        scene.instances.push(Instance { mesh: MeshId(scene.meshes.len() as u32 - 1), world_from_object });
+    }
+    scene
+}
+
+fn scenes() -> [(&'static str, Scene); 5] {
+    [("diffuse", diffuse()), ("shiny", shiny()), ("textured", textured()), ("dark", dark()), ("sheer", sheer())]
 }
 
 fn backends() -> impl Iterator<Item = BackendKind> {
@@ -162,13 +186,19 @@ fn a_scene_runs_the_stages_that_it_calls_for() {
     assert_eq!(of(&shiny()), "raygen closest-hit roulette glossy dielectric light-sampling any-hit accumulate");
     assert_eq!(of(&textured()), "raygen closest-hit environment roulette textures light-sampling any-hit accumulate");
     assert_eq!(of(&dark()), "raygen closest-hit emission roulette accumulate");
+    assert_eq!(
+        of(&sheer()),
+        "raygen closest-hit alpha environment emission roulette textures vertex-colours light-sampling transmittance \
+         accumulate"
+    );
 
     let lens = Some(Lens { radius_m: 0.01, focus_m: 2.0 });
     assert!(stages(&diffuse(), RenderOptions { lens, ..plain() }).contains(&"raygen-lens"));
     let bsdf = RenderOptions { strategy: Strategy::BsdfOnly, ..plain() };
     assert!(!stages(&diffuse(), bsdf).contains(&"light-sampling"));
     let forced = stages(&dark(), RenderOptions { forced: Gate::ALL.to_vec(), ..plain() });
-    for stage in ["raygen-lens", "environment", "absorption", "smooth-normals", "textures", "light-sampling", "any-hit"]
+    for stage in
+        ["raygen-lens", "environment", "absorption", "smooth-normals", "textures", "light-sampling", "transmittance"]
     {
         assert!(forced.contains(&stage), "{stage} is not in {forced:?}");
     }

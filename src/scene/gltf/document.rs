@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 
 /// Extensions that a file may require.
 const SUPPORTED: &[&str] = &[
+    "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -29,6 +30,7 @@ const SUPPORTED: &[&str] = &[
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_texture_transform",
 ];
 
 /// Triangles, instances and sparse elements that a file may make from each of its bytes. One triangle takes at least a byte (a

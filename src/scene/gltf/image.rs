@@ -65,8 +65,11 @@ impl TextureTable {
         }
         let texture: JsonTexture = document.element("textures", index, from)?;
         let pointer = format!("/textures/{index}");
-        if document.value(&format!("{pointer}/source")).is_none() {
-            document.warn(&pointer, "has no PNG or JPEG source; the texture is ignored");
+        // The extension's image is the better one; `source` is for readers without WebP.
+        let webp = format!("{pointer}/extensions/EXT_texture_webp/source");
+        let webp = document.value(&webp).map(|value| (value, webp));
+        if webp.is_none() && document.value(&format!("{pointer}/source")).is_none() {
+            document.warn(&pointer, "has no PNG, JPEG or WebP source; the texture is ignored");
             self.known.insert(key, None);
             return Ok(None);
         }
@@ -79,8 +82,15 @@ impl TextureTable {
             let filter = sampler.mag_filter.map(|filter| document.checked(filter, &at("magFilter"))).transpose()?;
             bilinear = filter != Some(MagFilter::Nearest);
         }
-        let image = texture.source.value();
-        let described: Image = document.element("images", image, &format!("{pointer}/source"))?;
+        let (image, source) = match webp {
+            None => (texture.source.value(), format!("{pointer}/source")),
+            Some((value, source)) => {
+                let image = value.as_u64().and_then(|image| usize::try_from(image).ok());
+                let problem = || document.error(&source, format!("expected the number of an image, found {value}"));
+                (image.ok_or_else(problem)?, source)
+            }
+        };
+        let described: Image = document.element("images", image, &source)?;
         let file = described.uri.filter(|uri| !uri.starts_with("data:"));
         let name = described.name.or(file).unwrap_or_else(|| format!("image {image}"));
         let id = TextureId(self.requests.len() as u32);

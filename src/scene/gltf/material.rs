@@ -2,23 +2,38 @@
 //! becomes a warning that names the material.
 //!
 //! Source: glTF 2.0 §5.19–5.22 and the KHR_materials_* specifications. Factors outside their range are clamped with a warning;
-//! infinite ones are errors. Alpha is treated as opaque.
+//! infinite ones are errors.
+
+use std::collections::HashMap;
 
 use glam::Vec3;
 use gltf::json;
-use gltf::json::material::AlphaMode;
 
-use super::super::{ColorSpace, Material, MaterialId, TextureSlot};
+use super::super::{AlphaMode, ColorSpace, Material, MaterialId, TextureSlot};
 use super::document::Document;
 use super::image::TextureTable;
+use super::uv::UvChannel;
 use crate::error::Result;
 
 /// The materials read so far and the textures they ask for.
 pub(super) struct MaterialTable {
     pub(super) materials: Vec<Material>,
     pub(super) textures: TextureTable,
+    /// What each of `materials` reads of the texture coordinates; a slot's `uv_set` is a place in it.
+    channels: Vec<Vec<UvChannel>>,
     default: Option<MaterialId>,
-    without_normal_map: std::collections::HashMap<MaterialId, MaterialId>,
+    variants: HashMap<(MaterialId, Variant), MaterialId>,
+}
+
+/// How a mesh can need another material than the file's.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Variant {
+    /// It has no tangents.
+    WithoutNormalMap,
+    /// It has vertex colours.
+    VertexColors,
+    /// It has vertex colours and no texture coordinates.
+    VertexColorsAlone,
 }
 
 impl MaterialTable {
@@ -27,15 +42,19 @@ impl MaterialTable {
         let mut table = MaterialTable {
             materials: Vec::new(),
             textures: TextureTable::default(),
+            channels: Vec::new(),
             default: None,
-            without_normal_map: Default::default(),
+            variants: HashMap::new(),
         };
         for index in 0..document.table("materials")?.len() {
             let pointer = format!("/materials/{index}");
             let source: json::Material = document.element("materials", index, &pointer)?;
             let name = source.name.clone().unwrap_or_else(|| format!("material {index}"));
-            let material = Reader { document, textures: &mut table.textures, pointer, name }.read(&source)?;
+            let mut channels = Vec::new();
+            let textures = &mut table.textures;
+            let material = Reader { document, textures, channels: &mut channels, pointer, name }.read(&source)?;
             table.materials.push(material);
+            table.channels.push(channels);
         }
         Ok(table)
     }
@@ -44,22 +63,42 @@ impl MaterialTable {
     pub(super) fn default_material(&mut self) -> MaterialId {
         *self.default.get_or_insert_with(|| {
             self.materials.push(Material::default());
+            self.channels.push(Vec::new());
             MaterialId(self.materials.len() as u32 - 1)
         })
     }
 
-    /// A copy of `material` that has no normal map, for meshes without texture coordinates.
-    pub(super) fn without_normal_map(&mut self, material: MaterialId) -> MaterialId {
-        *self.without_normal_map.entry(material).or_insert_with(|| {
-            self.materials.push(Material { normal_texture: None, ..self.materials[material.index()].clone() });
+    /// A copy of `material` for meshes that need it otherwise, made when it is first needed.
+    pub(super) fn variant(&mut self, material: MaterialId, variant: Variant) -> MaterialId {
+        *self.variants.entry((material, variant)).or_insert_with(|| {
+            let original = self.materials[material.index()].clone();
+            self.materials.push(match variant {
+                Variant::WithoutNormalMap => Material { normal_texture: None, ..original },
+                Variant::VertexColors => Material { vertex_colors: true, ..original },
+                Variant::VertexColorsAlone => Material {
+                    vertex_colors: true,
+                    base_color_texture: None,
+                    metallic_roughness_texture: None,
+                    normal_texture: None,
+                    emissive_texture: None,
+                    ..original
+                },
+            });
+            self.channels.push(self.channels[material.index()].clone());
             MaterialId(self.materials.len() as u32 - 1)
         })
+    }
+
+    /// The channels of texture coordinates that `material` reads.
+    pub(super) fn channels(&self, material: MaterialId) -> &[UvChannel] {
+        &self.channels[material.index()]
     }
 }
 
 struct Reader<'d, 't> {
     document: &'d Document,
     textures: &'t mut TextureTable,
+    channels: &'t mut Vec<UvChannel>,
     pointer: String,
     name: String,
 }
@@ -71,6 +110,7 @@ impl Reader<'_, '_> {
         let specification = Material::default();
         let mut material = Material {
             base_color: self.color([red, green, blue], "pbrMetallicRoughness/baseColorFactor", 1.0)?,
+            base_alpha: self.factor(alpha, "pbrMetallicRoughness/baseColorFactor", 0.0, 1.0)?,
             metallic: self.factor(pbr.metallic_factor.0, "pbrMetallicRoughness/metallicFactor", 0.0, 1.0)?,
             roughness: self.factor(pbr.roughness_factor.0, "pbrMetallicRoughness/roughnessFactor", 0.0, 1.0)?,
             emissive: self.color(source.emissive_factor.0, "emissiveFactor", f32::MAX)?,
@@ -78,7 +118,6 @@ impl Reader<'_, '_> {
             name: self.name.clone(),
             ..specification
         };
-        self.document.finite(alpha, &self.at("pbrMetallicRoughness/baseColorFactor"))?;
         material.base_color_texture =
             self.slot(pbr.base_color_texture.as_ref(), ColorSpace::Srgb, "pbrMetallicRoughness/baseColorTexture")?;
         material.metallic_roughness_texture = self.slot(
@@ -92,14 +131,15 @@ impl Reader<'_, '_> {
             material.normal_texture =
                 self.texture(normal.index.value(), normal.tex_coord, ColorSpace::Linear, "normalTexture")?;
         }
-        if source.occlusion_texture.is_some() {
-            self.warn("occlusionTexture is ignored: occlusion is computed");
-        }
-        match self.document.checked(source.alpha_mode, &self.at("alphaMode"))? {
-            AlphaMode::Opaque => {}
-            AlphaMode::Mask => self.warn("alphaMode MASK is not simulated; the surface is opaque"),
-            AlphaMode::Blend => self.warn("alphaMode BLEND is not simulated; the surface is opaque"),
-        }
+        material.occlusion_texture = source.occlusion_texture.is_some();
+        material.alpha_mode = match self.document.checked(source.alpha_mode, &self.at("alphaMode"))? {
+            json::material::AlphaMode::Opaque => AlphaMode::Opaque,
+            json::material::AlphaMode::Mask => {
+                let cutoff = source.alpha_cutoff.unwrap_or_default().0;
+                AlphaMode::Mask { cutoff: self.document.finite(cutoff, &self.at("alphaCutoff"))? }
+            }
+            json::material::AlphaMode::Blend => AlphaMode::Blend,
+        };
         if let Some(extensions) = &source.extensions {
             self.extensions(extensions, &mut material)?;
         }
@@ -172,19 +212,21 @@ impl Reader<'_, '_> {
         member: &str,
     ) -> Result<Option<TextureSlot>> {
         let pointer = self.at(member);
-        if uv_set != 0 {
-            self.warn(&format!("{member} reads TEXCOORD_{uv_set}, which is not supported; the texture is ignored"));
-            return Ok(None);
-        }
+        let channel = UvChannel::read(self.document, uv_set, &pointer)?;
         if let Some(extensions) =
             self.document.value(&format!("{pointer}/extensions")).and_then(|value| value.as_object())
         {
-            for name in extensions.keys() {
+            for name in extensions.keys().filter(|name| *name != "KHR_texture_transform") {
                 self.warn(&format!("{name} of {member} is not supported and ignored"));
             }
         }
         let texture = self.textures.request(self.document, index, color_space, &format!("{pointer}/index"))?;
-        Ok(texture.map(|texture| TextureSlot { texture, uv_set: 0 }))
+        let Some(texture) = texture else { return Ok(None) };
+        let place = self.channels.iter().position(|known| *known == channel).unwrap_or_else(|| {
+            self.channels.push(channel);
+            self.channels.len() - 1
+        });
+        Ok(Some(TextureSlot { texture, uv_set: place as u32 }))
     }
 
     fn ignored_texture(&self, present: bool, member: &str) {

@@ -2,7 +2,8 @@
 //!
 //! Source: glTF 2.0 §3.7. Missing normals mean flat shading; tangents are kept only under a normal map and computed by
 //! MikkTSpace where the file has none. Non-finite positions are errors; triangles without area are dropped and counted.
-//! Limits: TEXCOORD_0 only; vertex colours, skins and morph targets are ignored with a warning.
+//! Texture coordinates come by channel (`uv`). Limits: COLOR_0 alone of the vertex colours; skins and morph targets are ignored
+//! with a warning.
 
 use std::collections::BTreeMap;
 
@@ -12,10 +13,11 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
 use super::super::geometry::{LARGEST_COORDINATE_M, is_degenerate};
-use super::super::{Dropped, Material, MaterialId, Mesh};
+use super::super::{Dropped, MaterialId, Mesh};
 use super::accessor::Accessor;
 use super::document::Document;
-use super::material::MaterialTable;
+use super::material::{MaterialTable, Variant};
+use super::uv::UvChannel;
 use super::{tangent, topology};
 use crate::error::Result;
 
@@ -64,32 +66,34 @@ pub(super) fn read(
     let mut mesh = Mesh {
         name: place.name,
         positions: vertices.iter().map(|&vertex| at(vertex)).collect(),
-        normals: None,
-        uvs: None,
-        tangents: None,
         material: reader.material(primitive, materials)?,
         triangles,
+        ..Mesh::default()
     };
     mesh.normals = reader.normals(&vertices, positions.count, &mesh)?;
-    mesh.uvs = reader.uvs(&vertices, positions.count)?;
-    let material = &materials.materials[mesh.material.index()];
-    if mesh.uvs.is_none() && has_textures(material) {
-        document.warn(
-            place.pointer,
-            format!("has no TEXCOORD_0; the textures of \"{}\" are read at (0, 0)", material.name),
-        );
+    reader.channels(&vertices, positions.count, &mut mesh, materials)?;
+    mesh.colors = reader.colors(&vertices, positions.count)?;
+    if mesh.colors.is_some() {
+        let textured = mesh.uvs.is_some() || !materials.materials[mesh.material.index()].reads_textures();
+        let variant = if textured { Variant::VertexColors } else { Variant::VertexColorsAlone };
+        mesh.material = materials.variant(mesh.material, variant);
     }
-    if material.normal_texture.is_some() {
+    let material = &materials.materials[mesh.material.index()];
+    if let Some(slot) = material.normal_texture {
+        let channels = materials.channels(mesh.material);
+        let kept = channels.get(slot.uv_set as usize).is_none_or(UvChannel::keeps_tangents);
         if mesh.uvs.is_none() {
-            mesh.material = materials.without_normal_map(mesh.material);
+            mesh.material = materials.variant(mesh.material, Variant::WithoutNormalMap);
         } else {
-            let given = if mesh.normals.is_some() { reader.tangents(&vertices, positions.count)? } else { None };
+            // The file's tangents follow its own texture coordinates; turned ones need others.
+            let usable = mesh.normals.is_some() && kept;
+            let given = if usable { reader.tangents(&vertices, positions.count)? } else { None };
             match given {
                 Some(tangents) => mesh.tangents = Some(tangents),
                 None => {
-                    if let Err(reason) = tangent::generate(&mut mesh) {
+                    if let Err(reason) = tangent::generate(&mut mesh, slot.uv_set) {
                         document.warn(place.pointer, format!("{reason}; its normal map is ignored"));
-                        mesh.material = materials.without_normal_map(mesh.material);
+                        mesh.material = materials.variant(mesh.material, Variant::WithoutNormalMap);
                     }
                 }
             }
@@ -113,17 +117,6 @@ fn has_area(corners: [Vec3; 3]) -> bool {
     // One that lies out of range is kept: where it is placed, that is an error.
     let huge = corners.iter().any(|p| p.abs().max_element() > LARGEST_COORDINATE_M);
     area as f32 > 0.0 && (area as f32).is_finite() && (huge || !is_degenerate(&corners))
-}
-
-fn has_textures(material: &Material) -> bool {
-    [
-        material.base_color_texture,
-        material.metallic_roughness_texture,
-        material.normal_texture,
-        material.emissive_texture,
-    ]
-    .iter()
-    .any(Option::is_some)
 }
 
 struct Reader<'d> {
@@ -198,9 +191,37 @@ impl<'d> Reader<'d> {
         Ok(Some(normals.iter().map(|normal| normal.try_normalize().unwrap_or(DVec3::Y).as_vec3()).collect()))
     }
 
-    /// Texture coordinates; one that is not finite is taken as 0.
-    fn uvs(&self, vertices: &[u32], count: usize) -> Result<Option<Vec<Vec2>>> {
-        let Some(accessor) = self.matching(Semantic::TexCoords(0), "TEXCOORD_0", &[2], count)? else { return Ok(None) };
+    /// Texture coordinates of every channel that the mesh's material reads; set 0 where it reads none.
+    fn channels(&self, vertices: &[u32], count: usize, mesh: &mut Mesh, materials: &MaterialTable) -> Result<()> {
+        let channels = match materials.channels(mesh.material) {
+            [] => &[UvChannel::plain(0)][..],
+            channels => channels,
+        };
+        let material = &materials.materials[mesh.material.index()];
+        let mut read = Vec::new();
+        for channel in channels {
+            let uvs = self.uvs(vertices, count, channel.set)?;
+            if uvs.is_none() && material.reads_textures() {
+                let what = format!("has no TEXCOORD_{}; textures of \"{}\" that read it", channel.set, material.name);
+                let fate = if channels.len() == 1 { "are ignored" } else { "are read at (0, 0)" };
+                self.document.warn(self.pointer, format!("{what} {fate}"));
+            }
+            read.push(uvs.map(|uvs| uvs.into_iter().map(|uv| channel.apply(uv)).collect::<Vec<Vec2>>()));
+        }
+        if read.iter().any(Option::is_some) {
+            let at_zero = || vec![channels[0].apply(Vec2::ZERO); vertices.len()];
+            let mut read = read.into_iter().map(|uvs| uvs.unwrap_or_else(at_zero));
+            mesh.uvs = read.next();
+            mesh.more_uvs = read.collect();
+        }
+        Ok(())
+    }
+
+    /// Texture coordinates of a set; one that is not finite is taken as 0.
+    fn uvs(&self, vertices: &[u32], count: usize, set: u32) -> Result<Option<Vec<Vec2>>> {
+        let Some(accessor) = self.matching(Semantic::TexCoords(set), &format!("TEXCOORD_{set}"), &[2], count)? else {
+            return Ok(None);
+        };
         let mut invalid = 0;
         let finite = |&vertex: &u32| {
             let uv: [f32; 2] = accessor.vector(vertex as usize);
@@ -231,10 +252,29 @@ impl<'d> Reader<'d> {
         Ok(tangents)
     }
 
-    fn warn_ignored(&self, primitive: &Primitive) {
-        if self.attributes.contains_key(&Checked::Valid(Semantic::Colors(0))) {
-            self.document.warn(self.pointer, "COLOR_0 is not supported and ignored");
+    /// Vertex colours in [0, 1]; `None` where the file has none, or white alone.
+    fn colors(&self, vertices: &[u32], count: usize) -> Result<Option<Vec<Vec4>>> {
+        let Some(accessor) = self.matching(Semantic::Colors(0), "COLOR_0", &[3, 4], count)? else { return Ok(None) };
+        let mut clamped = 0;
+        let read = |&vertex: &u32| {
+            let mut color = Vec4::from_array(accessor.vector(vertex as usize));
+            if accessor.components == 3 {
+                color.w = 1.0;
+            }
+            // NaN becomes 0.
+            let inside = color.to_array().map(|channel| channel.max(0.0).min(1.0));
+            clamped += usize::from(inside != color.to_array());
+            Vec4::from_array(inside)
+        };
+        let colors: Vec<Vec4> = vertices.iter().map(read).collect();
+        if clamped > 0 {
+            let problem = format!("{clamped} vertex colours have channels outside [0, 1], which are clamped");
+            self.document.warn(&accessor.pointer, problem);
         }
+        Ok(colors.iter().any(|color| *color != Vec4::ONE).then_some(colors))
+    }
+
+    fn warn_ignored(&self, primitive: &Primitive) {
         if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
             self.document.warn(self.pointer, "morph targets are not supported; the mesh is shown unmorphed");
         }

@@ -3,7 +3,7 @@
 //! The order is: document, node tree, materials, the meshes that the chosen scene shows, textures, then the placements relative
 //! to [`Scene::origin`]. A broken or hostile file gives [`Error::InvalidScene`](crate::Error::InvalidScene) with the JSON pointer of what is wrong; what is merely not
 //! simulated becomes a warning. Memory is bounded by what the file holds, not by the numbers in it.
-//! Limits: no animation, skins, morph targets, vertex colours, compression extensions.
+//! Limits: no animation, skins, morph targets, compression extensions.
 
 mod accessor;
 mod camera;
@@ -18,6 +18,7 @@ mod placement;
 mod tangent;
 mod topology;
 mod uri;
+mod uv;
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,7 +1,9 @@
 //! Where the meshes stand: bounds and recentring in f64, then instances in f32.
 //!
-//! A scene that lies further from the origin than 16 of its diagonals loses more than four bits of every coordinate's fraction;
-//! its centre is then subtracted from all placements before they are rounded.
+//! Far from the origin f32 has few bits left for a scene's own detail, so its centre, rounded to a lattice, is subtracted from all
+//! placements before they are rounded to f32. The step of the lattice is the power of two next above the scene's diagonal:
+//! then coordinates never exceed 1.5 diagonals; a scene whose bounds hold the origin stays where it is; and the same scene elsewhere,
+//! moved by a multiple of the step or scaled by a power of two, gives the same bits.
 
 use glam::{Affine3A, DAffine3, DVec3};
 
@@ -12,7 +14,8 @@ use super::document::Document;
 use super::node::Placed;
 use crate::error::Result;
 
-/// Diagonals between the origin and the centre above which a scene is recentred.
+/// Diagonals between the origin and the centre above which it is said that the scene is moved: what the file itself holds in
+/// f32 has then lost more than four bits.
 const FAR_IN_DIAGONALS: f64 = 16.0;
 
 /// All placements of the scene.
@@ -70,9 +73,9 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
         return Err(document.error("/nodes", "expected at least one node that shows triangles, found none"));
     }
     let centre = 0.5 * (least + most);
-    let far = centre.length() > FAR_IN_DIAGONALS * (most - least).length();
-    let origin = if far { centre.as_vec3().as_dvec3() } else { DVec3::ZERO };
-    if far {
+    let diagonal = (most - least).length();
+    let origin = lattice_point(centre, diagonal);
+    if centre.length() > FAR_IN_DIAGONALS * diagonal {
         document
             .warn("/nodes", format!("the scene lies far from the origin; {origin} is subtracted from all positions"));
     }
@@ -88,6 +91,13 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
     })
 }
 
+/// The point nearest to `centre` whose coordinates are multiples of the power of two next above `diagonal`.
+fn lattice_point(centre: DVec3, diagonal: f64) -> DVec3 {
+    let step = diagonal.log2().ceil().exp2();
+    // Also false of a diagonal of 0. Halves go to even, so that a scene standing on the origin stays.
+    if step > 0.0 && step.is_finite() { (centre / step).map(f64::round_ties_even) * step } else { DVec3::ZERO }
+}
+
 fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {
     positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(least, most), position| {
         let position = position.as_dvec3();
@@ -97,4 +107,29 @@ fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {
 
 fn to_f32(world: &DAffine3) -> Affine3A {
     Affine3A { matrix3: world.matrix3.as_mat3().into(), translation: world.translation.as_vec3a() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Oracle: the page above, exactly.
+    #[test]
+    fn origins_lie_on_a_lattice_of_the_scenes_own_size() {
+        let size = DVec3::new(2.0, 1.0, 2.0);
+        // Bounds that hold the origin.
+        for corner in [DVec3::ZERO, -size, -0.5 * size, DVec3::new(-2.0, 0.0, 0.0)] {
+            assert_eq!(lattice_point(corner + 0.5 * size, size.length()), DVec3::ZERO, "{corner}");
+        }
+        let centre = DVec3::new(1.0, 0.3, -17.7);
+        let origin = lattice_point(centre, size.length());
+        assert_eq!(origin, DVec3::new(0.0, 0.0, -16.0));
+        for power in [-20, 20] {
+            let scale = f64::exp2(power.into());
+            assert_eq!(lattice_point(centre * scale, size.length() * scale), origin * scale);
+        }
+        let moved = DVec3::new(1e5, -1_048_576.0, 4.0);
+        assert_eq!(lattice_point(centre + moved, size.length()), origin + moved);
+        assert_eq!(lattice_point(DVec3::ONE, 0.0), DVec3::ZERO);
+    }
 }

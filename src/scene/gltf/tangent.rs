@@ -14,9 +14,11 @@ const MOST_CORNERS_AT_A_POINT: usize = 4096;
 /// Its corner numbers are 32-bit with two bits for the corner, signed.
 const MOST_TRIANGLES: usize = 1 << 29;
 
-/// Gives `mesh` tangents, and flat normals if it has none. The error is a clause that says why it cannot have them.
-pub(super) fn generate(mesh: &mut Mesh) -> Result<(), &'static str> {
-    let Some(uvs) = &mesh.uvs else { return Err("has no texture coordinates") };
+/// Gives `mesh` tangents along a channel of its texture coordinates, and flat normals if it has none. The error is a clause
+/// that says why it cannot have them.
+pub(super) fn generate(mesh: &mut Mesh, channel: u32) -> Result<(), &'static str> {
+    let uvs = if channel == 0 { mesh.uvs.as_ref() } else { mesh.more_uvs.get(channel as usize - 1) };
+    let Some(uvs) = uvs else { return Err("has no texture coordinates") };
     if mesh.triangles.len() > MOST_TRIANGLES {
         return Err("has too many triangles for MikkTSpace");
     }
@@ -50,7 +52,9 @@ fn flat_normal(mesh: &Mesh, triangle: &[u32; 3]) -> Vec3 {
 /// Rewrites the mesh so that each vertex has one normal and one tangent.
 fn split(mesh: &mut Mesh, flat: &[Vec3], tangents: &[Vec4]) {
     let mut vertices: HashMap<(u32, [u32; 7]), u32> = HashMap::new();
-    let (mut positions, mut normals, mut uvs, mut kept) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut positions, mut normals, mut kept) = (Vec::new(), Vec::new(), Vec::new());
+    // Where each new vertex comes from.
+    let mut origins = Vec::new();
     for (number, triangle) in mesh.triangles.iter_mut().enumerate() {
         for (corner, vertex) in triangle.iter_mut().enumerate() {
             let old = *vertex as usize;
@@ -63,14 +67,19 @@ fn split(mesh: &mut Mesh, flat: &[Vec3], tangents: &[Vec4]) {
             if *vertex == next {
                 positions.push(mesh.positions[old]);
                 normals.push(normal);
-                uvs.push(mesh.uvs.as_ref().map_or(Vec2::ZERO, |uvs| uvs[old]));
+                origins.push(old);
                 kept.push(tangent);
             }
         }
     }
     mesh.positions = positions;
     mesh.normals = Some(normals);
-    mesh.uvs = Some(uvs);
+    for uvs in mesh.uvs.iter_mut().chain(&mut mesh.more_uvs) {
+        *uvs = origins.iter().map(|&old| uvs[old]).collect();
+    }
+    if let Some(colors) = &mut mesh.colors {
+        *colors = origins.iter().map(|&old| colors[old]).collect();
+    }
     mesh.tangents = Some(kept);
 }
 
@@ -138,10 +147,9 @@ mod tests {
             name: String::new(),
             positions: [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
-            normals: None,
             uvs: Some(uvs.map(Vec2::from_array).to_vec()),
-            tangents: None,
             material: MaterialId(0),
+            ..Mesh::default()
         }
     }
 
@@ -149,13 +157,13 @@ mod tests {
     #[test]
     fn planar_mapping_gives_its_own_axes() {
         let mut mesh = quad([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
-        generate(&mut mesh).expect("a quad has tangents");
+        generate(&mut mesh, 0).expect("a quad has tangents");
         assert_eq!((mesh.positions.len(), mesh.normals.as_deref()), (4, Some(&[Vec3::Z; 4][..])));
         for tangent in mesh.tangents.expect("generated") {
             assert!((tangent - Vec3::X.extend(1.0)).length() < 1e-6, "{tangent}");
         }
         let mut turned = quad([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
-        generate(&mut turned).expect("a quad has tangents");
+        generate(&mut turned, 0).expect("a quad has tangents");
         for tangent in turned.tangents.expect("generated") {
             // u runs along +Y and v along +X, so that up the image is −X = cross(Z, Y).
             assert!((tangent - Vec3::Y.extend(1.0)).length() < 1e-6, "{tangent}");
@@ -168,7 +176,7 @@ mod tests {
         for uvs in [[[0.5; 2]; 4], [[1e38, -1e38], [-1e38, 3e38], [0.0, 1e-45], [1e30, 7.0]]] {
             let mut mesh = quad(uvs);
             mesh.positions.iter_mut().for_each(|position| *position *= 1e18);
-            generate(&mut mesh).expect("a quad has tangents");
+            generate(&mut mesh, 0).expect("a quad has tangents");
             for tangent in mesh.tangents.expect("generated") {
                 assert!((tangent.truncate().length() - 1.0).abs() < 1e-6, "{tangent}");
             }

@@ -168,6 +168,16 @@ impl<'t> Glossy<'t> {
         self.lobes.is_delta()
     }
 
+    /// Whether `sample` takes the specular lobe for this viewer and this first number; for reports.
+    pub fn takes_specular(&self, wo: Vec3, u: f32) -> bool {
+        u < self.lobes.p_specular(wo.z, self.below.at(wo.z))
+    }
+
+    /// Whether the specular lobe is a mirror.
+    pub fn is_mirror(&self) -> bool {
+        self.lobes.mirror
+    }
+
     /// Value and density for a pair of directions; the mirror is not part of it.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {

@@ -15,15 +15,16 @@ use glam::Vec3;
 use super::grow::Emitter;
 use super::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
 use crate::math::float::UNIT_ROUNDOFF;
-use crate::scene::Texture;
 use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::material::Material;
+use crate::scene::{AlphaMode, Texture};
 
 /// What a material emits.
 #[derive(Clone, Copy, Debug)]
 pub struct Emission {
     /// Radiance of the front side; to be multiplied by the texture where there is one.
     radiance: Vec3,
+    /// Whether the radiance depends on the place: it has a texture, or the emitter is not there everywhere.
     textured: bool,
     /// Mean over channels and over the texture: what the intensity of a triangle is computed from.
     mean: f64,
@@ -43,7 +44,8 @@ impl Emission {
             Some(texture) => channel_mean(material.emissive * texture.mean()),
             None => channel_mean(material.emissive),
         };
-        Some(Emission { radiance: material.emissive, textured: texture.is_some(), mean })
+        let textured = texture.is_some() || material.effective_alpha(textures) != AlphaMode::Opaque;
+        Some(Emission { radiance: material.emissive, textured, mean })
     }
 
     /// Radiance of the front side, before a texture.
@@ -52,7 +54,7 @@ impl Emission {
         self.radiance
     }
 
-    /// Whether a texture has to be multiplied in.
+    /// Whether a texture or a coverage has to be multiplied in.
     pub fn is_textured(&self) -> bool {
         self.textured
     }

@@ -18,7 +18,7 @@ use glam::Vec3;
 use super::{LightSample, channel_mean, is_radiance};
 use crate::error::{Error, Result};
 use crate::math::angle::{atan2_turns, sin_cos_turns};
-use crate::math::table::{Distribution2D, TableError};
+use crate::math::table::{Cell, Distribution2D, TableError};
 use crate::scene::light::Environment;
 
 /// Least share of its radiance that a texel is drawn by. It bounds what light sampling alone loses: its variance is at
@@ -56,10 +56,21 @@ pub struct Seen {
 }
 
 /// Coordinates in the map, u in [0,1), v in [0,1].
-#[derive(Clone, Copy)]
-struct MapPoint {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MapPoint {
     u: f32,
     v: f32,
+}
+
+/// A direction drawn from the map, before its radiance is looked up.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawnDirection {
+    /// Unit direction to the sky.
+    pub wi: Vec3,
+    /// Its density, sr⁻¹.
+    pub pdf_sa: f32,
+    /// Where in the map it lies.
+    pub point: MapPoint,
 }
 
 impl EnvironmentLight {
@@ -117,24 +128,39 @@ impl EnvironmentLight {
 
     /// Draws a direction. The density is that of the direction alone.
     #[inline]
-    pub fn sample(&self, [u, v]: [f32; 2]) -> LightSample {
-        let cell = self.density.sample_cell(u, v);
-        let row = cell.row as usize;
+    pub fn sample(&self, uv: [f32; 2]) -> LightSample {
+        let drawn = self.direction(&self.draw(uv));
+        LightSample {
+            wi: drawn.wi,
+            target: None,
+            radiance: self.lookup(drawn.point),
+            texture_point: None,
+            pdf_sa: drawn.pdf_sa,
+            delta: false,
+        }
+    }
 
-        // Uniform in cos θ within the row, uniform in φ within the column.
+    /// First step of [`sample`](Self::sample): the texel, and where in it. The three steps wait for memory or compute, so that loops over
+    /// many receivers can take them one after the other.
+    #[inline]
+    pub fn draw(&self, [u, v]: [f32; 2]) -> Cell {
+        self.density.sample_cell(u, v)
+    }
+
+    /// Second step: uniform in cos θ within the row, uniform in φ within the column.
+    #[inline(always)]
+    pub fn direction(&self, cell: &Cell) -> DrawnDirection {
+        let row = cell.row as usize;
         let (upper, lower) = (self.cos_edges[row], self.cos_edges[row + 1]);
         let cos_theta = upper + (lower - upper) * f64::from(cell.within[1]);
         let sin_theta = ((1.0 - cos_theta) * (1.0 + cos_theta)).sqrt() as f32;
         let cos_theta = cos_theta as f32;
         let u = (cell.column as f32 + cell.within[0]) / self.width as f32;
         let (sin_phi, cos_phi) = sin_cos_turns(u - 0.5 - self.turn);
-        LightSample {
+        DrawnDirection {
             wi: Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi),
-            target: None,
-            radiance: self.lookup(MapPoint { u, v: 2.0 * atan2_turns(sin_theta, cos_theta) }),
-            texture_point: None,
             pdf_sa: cell.p * self.per_steradian[row],
-            delta: false,
+            point: MapPoint { u, v: 2.0 * atan2_turns(sin_theta, cos_theta) },
         }
     }
 
@@ -151,8 +177,9 @@ impl EnvironmentLight {
         Seen { radiance: self.lookup(point), pdf_sa: self.pdf_at(point) }
     }
 
+    /// Density of [`sample`](Self::sample) for the direction of a point of the map.
     #[inline(always)]
-    fn pdf_at(&self, point: MapPoint) -> f32 {
+    pub fn pdf_at(&self, point: MapPoint) -> f32 {
         let column = ((point.u * self.width as f32) as u32).min(self.width - 1);
         let row = ((point.v * self.height as f32) as u32).min(self.height - 1);
         self.density.p(column, row) * self.per_steradian[row as usize]
@@ -164,17 +191,18 @@ impl EnvironmentLight {
         self.lookup(self.map_point(dir))
     }
 
-    #[inline]
-    fn map_point(&self, dir: Vec3) -> MapPoint {
+    /// Where in the map the unit direction `dir` lies.
+    #[inline(always)]
+    pub fn map_point(&self, dir: Vec3) -> MapPoint {
         let turned = 0.5 + atan2_turns(dir.x, -dir.z) + self.turn;
         // acos d.y by its legs: exact near the poles, where the cosine hardly changes.
         let sin_theta = (dir.x * dir.x + dir.z * dir.z).sqrt();
         MapPoint { u: turned - turned.floor(), v: 2.0 * atan2_turns(sin_theta, dir.y) }
     }
 
-    /// Bilinear between texel centres.
+    /// Radiance at a point of the map: bilinear between texel centres.
     #[inline]
-    fn lookup(&self, point: MapPoint) -> Vec3 {
+    pub fn lookup(&self, point: MapPoint) -> Vec3 {
         let (width, height) = (self.width as usize, self.height as usize);
         let x = point.u * width as f32 - 0.5;
         let y = (point.v * height as f32 - 0.5).clamp(0.0, (height - 1) as f32);

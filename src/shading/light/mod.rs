@@ -32,7 +32,8 @@ pub struct LightSample {
     pub target: Option<LightPoint>,
     /// Radiance arriving along −wi. For delta lights: W/m² per unit of |cos| (intensity/d², or irradiance).
     pub radiance: Vec3,
-    /// Where an emission texture has to be looked up and multiplied into `radiance`; `None` where that is complete.
+    /// Where an emission texture, and whether the emitter is there, has to be looked up and multiplied into `radiance`;
+    /// `None` where that is complete.
     pub texture_point: Option<TexturePoint>,
     /// Density of the choice of light and direction together, sr⁻¹. For delta lights the selection probability alone.
     pub pdf_sa: f32,
@@ -239,24 +240,38 @@ impl Lights {
         self.environment.as_ref().map_or(Vec3::ZERO, |light| light.radiance(dir))
     }
 
+    /// The environment, if there is one that is not black.
+    #[inline(always)]
+    pub fn environment(&self) -> Option<&EnvironmentLight> {
+        self.environment.as_ref()
+    }
+
+    /// The environment, if it is the only light: such a scene chooses nothing.
+    #[inline(always)]
+    pub fn only_environment(&self) -> Option<&EnvironmentLight> {
+        self.environment.as_ref().filter(|_| self.selection() == Selection::Single)
+    }
+
+    /// Probability with which [`sample`](Self::sample) chooses the environment for a receiver.
+    #[inline(always)]
+    pub fn p_environment(&self, p: Vec3, n: Vec3) -> f32 {
+        self.selector.p_select((self.areas.len() + self.punctual.len()) as u32, p, n)
+    }
+
     /// What a ray from `p` in the unit direction `dir` finds when it leaves the scene, with the density of the direction
     /// under [`sample`](Self::sample) for that receiver; black without an environment.
     #[inline]
     pub fn environment_seen(&self, dir: Vec3, p: Vec3, n: Vec3) -> Seen {
         self.environment.as_ref().map_or(Seen { radiance: Vec3::ZERO, pdf_sa: 0.0 }, |light| {
-            let number = (self.areas.len() + self.punctual.len()) as u32;
             let Seen { radiance, pdf_sa } = light.seen(dir);
-            Seen { radiance, pdf_sa: self.selector.p_select(number, p, n) * pdf_sa }
+            Seen { radiance, pdf_sa: self.p_environment(p, n) * pdf_sa }
         })
     }
 
     /// Density with which [`sample`](Self::sample) would have drawn `dir` from the environment.
     #[inline]
     pub fn pdf_environment(&self, dir: Vec3, p: Vec3, n: Vec3) -> f32 {
-        self.environment.as_ref().map_or(0.0, |light| {
-            let number = (self.areas.len() + self.punctual.len()) as u32;
-            self.selector.p_select(number, p, n) * light.pdf_sa(dir)
-        })
+        self.environment.as_ref().map_or(0.0, |light| self.p_environment(p, n) * light.pdf_sa(dir))
     }
 }
 

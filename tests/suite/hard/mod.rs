@@ -5,6 +5,7 @@
 //! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
 //! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
+mod alpha;
 mod degenerate;
 mod filters;
 mod frames;
