@@ -8,7 +8,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::texels::decode_colors;
 use super::{ColorSpace, Plane, Texels, crates};
@@ -113,6 +113,7 @@ pub(super) struct Format {
 
 impl Encoded<'_> {
     /// Length in bytes.
+    #[cfg(feature = "oiio")]
     pub(super) fn len(&self) -> Result<u64, String> {
         match self {
             Encoded::File(path) => std::fs::metadata(path).map(|data| data.len()).map_err(|reason| reason.to_string()),
@@ -193,7 +194,7 @@ pub fn decode(encoded: Encoded, decoder: Decoder) -> Result<Image, String> {
 pub(super) fn open<'b>(encoded: Encoded<'b>, format: &Format) -> Result<Reader<'b>, String> {
     let (path, bytes) = match encoded {
         Encoded::File(path) => (path.to_path_buf(), None),
-        Encoded::Bytes(bytes) => (PathBuf::from(format!("image.{}", format.name)), Some(bytes)),
+        Encoded::Bytes(bytes) => (std::path::PathBuf::from(format!("image.{}", format.name)), Some(bytes)),
     };
     let reader = Reader::open(&path, &format.name, bytes).map_err(|reason| broken(format, &reason))?;
     let (width, height) = reader.info().levels[0];

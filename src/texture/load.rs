@@ -6,14 +6,17 @@
 //! it, the speed does. Without OpenImageIO there is no cache: everything is held.
 
 use std::path::{Path, PathBuf};
+#[cfg(feature = "oiio")]
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::ColorSpace;
+#[cfg(feature = "oiio")]
+use super::Texels;
 use super::decode::{Decoder, Encoded, Image, decode, inspect};
 #[cfg(feature = "oiio")]
 use super::stored::Tiles;
-use super::{ColorSpace, Texels};
 
 /// Default of [`Budget::bytes`]: 4 GiB.
 pub const DEFAULT_BYTES: u64 = 4 << 30;
