@@ -21,7 +21,7 @@ help:
 	@echo 'make fuzz         set up, build, feed mutated scene files to the loader for a minute (FUZZ_SECONDS=600: ten)'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
-	@echo '                  setup-nolib: without Embree; setup-lint: rustfmt and clippy; setup-gates: valgrind; setup-fuzz: C++'
+	@echo '                  setup-nolib: without Embree and OpenImageIO; setup-lint: rustfmt and clippy; setup-gates: valgrind; setup-fuzz: C++'
 
 setup:
 	@scripts/setup.sh

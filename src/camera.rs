@@ -100,6 +100,11 @@ impl CameraRays {
         self.near
     }
 
+    /// The cone of rays through a pixel: its width at the camera (metres) and its widening per metre.
+    pub fn pixel_cone(&self) -> (f32, f32) {
+        (self.eye_dx.length(), self.forward_dx.length())
+    }
+
     /// Whether rays need the lens' random numbers.
     #[inline(always)]
     pub fn has_lens(&self) -> bool {

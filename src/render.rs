@@ -35,7 +35,9 @@ use crate::wavefront::{self, Context, Counters};
 
 use self::target::Watch;
 
-pub use crate::plan::options::{CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
+pub use crate::plan::options::{
+    CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy, TextureFilter,
+};
 
 /// Where a running render is; handed to the callback between passes.
 #[derive(Clone, Copy, Debug)]
@@ -170,6 +172,9 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         let mut geometry = Geometry::build(scene);
         let plan = RenderPlan::new(scene, &geometry, &options)?;
+        if plan.features.footprints {
+            scene.textures.par_iter().for_each(|texture| texture.make_levels());
+        }
         let lights = Lights::build(scene, &geometry)?;
         lights.assign(&mut geometry);
         let pool = rayon::ThreadPoolBuilder::new()
@@ -208,6 +213,9 @@ impl<'a> Renderer<'a> {
         if plan.backend != self.plan.backend || plan.backend_options() != self.plan.backend_options() {
             let problem = "another backend, ray mode or number of threads needs a renderer of its own".into();
             return Err(Error::Option { option: "--backend", problem });
+        }
+        if plan.features.footprints {
+            self.scene.textures.par_iter().for_each(|texture| texture.make_levels());
         }
         self.camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
         self.filter = FilterTable::new(plan.filter);

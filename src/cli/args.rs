@@ -162,6 +162,11 @@ pub struct SettingsArgs {
     #[command(flatten)]
     pub textures: TextureArgs,
 
+    /// exact: textures as the file's sampler magnifies them, at every distance; trilinear: averaged over the width of the path (ray cones
+    /// and pyramids), less noise from fine patterns seen from afar, and a bias that `accuracy` measures
+    #[arg(long, value_enum, default_value = "exact", help_heading = "Textures")]
+    pub texture_filter: TextureFilterName,
+
     /// Longest path in edges; 1 shows emitters only
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
     pub max_depth: u32,
@@ -426,6 +431,15 @@ pub enum StrategyName {
     Bsdf,
     /// Light sampling alone
     Light,
+}
+
+/// Values of `--texture-filter`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TextureFilterName {
+    /// As the sampler says
+    Exact,
+    /// Averaged over footprints
+    Trilinear,
 }
 
 /// Values of `--sampler`.

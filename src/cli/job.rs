@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 
 use super::args::{
-    EnvironmentArgs, MissingTextureName, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch, TextureArgs,
+    EnvironmentArgs, MissingTextureName, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch,
+    TextureArgs, TextureFilterName,
 };
 use crate::backend::BackendKind;
 use crate::error::{Error, Result};
@@ -17,7 +18,7 @@ use crate::film::atomic::check_writable;
 use crate::film::lengths::LENGTHS;
 use crate::plan::Gate;
 use crate::plan::options::ROULETTE_START;
-use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy};
+use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter};
 use crate::sampler::SamplerKind;
 use crate::scene::{Budget, Camera, Environment, LoadOptions, MissingTexture, Projection, Scene, Warning};
 
@@ -269,6 +270,10 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
         sampler: match args.sampler {
             SamplerName::Sobol => SamplerKind::Sobol,
             SamplerName::Independent => SamplerKind::Independent,
+        },
+        texture_filter: match args.texture_filter {
+            TextureFilterName::Exact => TextureFilter::Exact,
+            TextureFilterName::Trilinear => TextureFilter::Trilinear,
         },
         backend: args.backend,
         rays: match args.rays {

@@ -39,13 +39,16 @@ const LARGEST_INDEX: f32 = 16.0;
 const MIRROR_ROUGHNESS: f32 = 0.01;
 
 /// What is known to bias a render of `scene` under `options`, the depth limit first.
-pub(super) fn ledger(scene: &Scene, options: &RenderOptions) -> Vec<Bias> {
+pub(super) fn ledger(scene: &Scene, options: &RenderOptions, footprints: bool) -> Vec<Bias> {
     let mut ledger = vec![depth_limit(scene, options.max_depth)];
     if options.strategy == Strategy::BsdfOnly && scene.punctual.iter().any(|l| l.intensity.max_element() > 0.0) {
         ledger.push(Bias::unmeasured("strategy bsdf: punctual lights are not found"));
     }
     if !options.robust {
         ledger.push(Bias::unmeasured("robust off: rays slip between triangles"));
+    }
+    if footprints {
+        ledger.push(Bias::unmeasured("texture-filter trilinear: textures are averaged over the width of paths"));
     }
     for material in placed(scene).filter(|material| !material.unlit && material.transmission > 0.0) {
         if !(1.0..=LARGEST_INDEX).contains(&material.ior) {

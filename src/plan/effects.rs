@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::options::{Aov, RenderOptions, Strategy};
+use super::options::{Aov, RenderOptions, Strategy, TextureFilter};
 use crate::scene::{AlphaMode, Material, Mesh, Projection, PunctualKind, Scene};
 
 /// An effect that is not simulated, and why.
@@ -36,6 +36,8 @@ pub struct Features {
     pub smooth_normals: bool,
     /// Any texture at all; the four below say which.
     pub textures: bool,
+    /// Textures are averaged over the width of paths, which have to be kept.
+    pub footprints: bool,
     /// Base-colour textures.
     pub base_color_textures: bool,
     /// Surfaces that are not there everywhere: alpha masks and blending.
@@ -253,6 +255,9 @@ pub fn find(scene: &Scene, options: &RenderOptions, camera: usize, instanced: bo
         push_once(&mut ignored, "lens".into(), "an orthographic camera has no aperture");
     }
 
+    if f.textures && options.texture_filter == TextureFilter::Trilinear {
+        found.mark(&mut f.footprints, 6, "texture-filter", || options.texture_filter.name().into());
+    }
     f.light_sampling = options.strategy != Strategy::BsdfOnly && (f.area_lights || f.environment || f.punctual);
     let simulated = found.reasons.values().map(|(name, _)| name.to_string()).collect();
     let mut found: Vec<String> = found.reasons.values().map(|(name, why)| format!("{name} ({why})")).collect();

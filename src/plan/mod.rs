@@ -187,7 +187,7 @@ impl RenderPlan {
             features,
             effects,
             aovs: options.aovs.clone(),
-            bias: bias::ledger(scene, options),
+            bias: bias::ledger(scene, options, features.footprints),
             radiance_bound: bias::radiance_bound(scene),
         })
     }
@@ -278,7 +278,7 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let all: [(&'static str, bool); 20] = [
+    let all: [(&'static str, bool); 21] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
         ("closest-hit", true),
@@ -289,6 +289,7 @@ fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
         ("roulette", options.roulette != Roulette::Off),
         ("smooth-normals", f.smooth_normals),
         ("textures", f.textures),
+        ("texture-filter", f.footprints),
         ("vertex-colours", f.vertex_colors),
         ("normal-maps", f.normal_maps),
         ("glossy", f.glossy),

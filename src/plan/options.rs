@@ -90,6 +90,26 @@ pub enum Strategy {
     LightOnly,
 }
 
+/// How textures are looked up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum TextureFilter {
+    /// As the file's sampler magnifies, at every distance: what the scene says, to the last texel.
+    #[default]
+    Exact,
+    /// Averaged over the width of the path, by pyramids: less noise from fine patterns, and a bias.
+    Trilinear,
+}
+
+impl TextureFilter {
+    /// Spelling on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            TextureFilter::Exact => "exact",
+            TextureFilter::Trilinear => "trilinear",
+        }
+    }
+}
+
 /// Whether paths are ended at random.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Roulette {
@@ -153,6 +173,8 @@ pub struct RenderOptions {
     pub strategy: Strategy,
     /// Where the random numbers come from.
     pub sampler: SamplerKind,
+    /// How textures are looked up.
+    pub texture_filter: TextureFilter,
     /// Ray backend; `None` takes the fastest of this build.
     pub backend: Option<BackendKind>,
     /// Query mode for every ray class; `None` lets the plan choose.
@@ -190,6 +212,7 @@ impl Default for RenderOptions {
             roulette_start: ROULETTE_START,
             strategy: Strategy::MisPower,
             sampler: SamplerKind::Sobol,
+            texture_filter: TextureFilter::Exact,
             backend: None,
             rays: None,
             isa: None,

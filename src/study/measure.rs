@@ -231,7 +231,7 @@ pub fn run(
         return Err(Error::Option { option: "--reference", problem });
     }
     let mut list = settings::techniques(&base, request.full);
-    list.extend(settings::knobs(&base));
+    list.extend(settings::knobs(&base, bench.renderers[first].plan().features.textures));
     let series = list.into_iter().map(|setting| Series { setting, runs: Vec::new(), pictures: Vec::new() }).collect();
     let fixed_s = request.load_s + build.as_secs_f64();
     let mut study = Study {

@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use crate::backend::BackendKind;
-use crate::render::{RenderOptions, Roulette, SamplerKind, Strategy};
+use crate::render::{RenderOptions, Roulette, SamplerKind, Strategy, TextureFilter};
 
 /// Depth limits that are timed.
 const DEPTHS: [u32; 3] = [2, 4, 8];
@@ -70,6 +70,9 @@ pub fn describe(base: &RenderOptions) -> String {
     if base.roulette == Roulette::On {
         text.push_str(&format!(" --roulette-start {}", base.roulette_start));
     }
+    if base.texture_filter != TextureFilter::Exact {
+        text.push_str(&format!(" --texture-filter {}", base.texture_filter.name()));
+    }
     if !base.robust {
         text.push_str(" --robust off");
     }
@@ -126,8 +129,8 @@ pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
     list
 }
 
-/// The knobs that this base leaves to turn.
-pub fn knobs(base: &RenderOptions) -> Vec<Setting> {
+/// The knobs that this base leaves to turn; `textured` says whether the scene has textures.
+pub fn knobs(base: &RenderOptions, textured: bool) -> Vec<Setting> {
     let knob = |name: String, options: RenderOptions| Setting { name, role: Role::Knob, options };
     let mut list = Vec::new();
     for depth in DEPTHS.into_iter().filter(|depth| *depth < base.max_depth) {
@@ -138,6 +141,10 @@ pub fn knobs(base: &RenderOptions) -> Vec<Setting> {
             let options = RenderOptions { roulette_start: start, ..base.clone() };
             list.push(knob(format!("--roulette-start {start}"), options));
         }
+    }
+    if base.texture_filter == TextureFilter::Exact && textured {
+        let options = RenderOptions { texture_filter: TextureFilter::Trilinear, ..base.clone() };
+        list.push(knob("--texture-filter trilinear".into(), options));
     }
     if backend_of(base) == BackendKind::Embree {
         let (name, robust) = if base.robust { ("--robust off", false) } else { ("--robust on", true) };
@@ -165,7 +172,7 @@ mod tests {
 
     #[test]
     fn knobs_follow_the_base() {
-        let names = |base: &RenderOptions| knobs(base).into_iter().map(|s| s.name).collect::<Vec<_>>();
+        let names = |base: &RenderOptions| knobs(base, false).into_iter().map(|s| s.name).collect::<Vec<_>>();
         let shallow = RenderOptions { max_depth: 4, roulette: Roulette::Off, ..RenderOptions::new(8, 8) };
         let shallow = RenderOptions { backend: Some(BackendKind::Obvhs), ..shallow };
         assert_eq!(names(&shallow), ["--max-depth 2"]);

@@ -8,7 +8,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::texels::decode_colors;
 use super::{ColorSpace, Plane, Texels, crates};
@@ -68,12 +68,12 @@ impl Image {
             Texels::Float(plane) if self.integers && color_space == ColorSpace::Srgb => {
                 let mut base = plane.base.to_vec();
                 decode_colors(&mut base);
-                let coarser = plane.coarser.iter().cloned().map(|(width, height, mut texels)| {
-                    decode_colors(&mut texels);
-                    (width, height, texels)
-                });
-                Texels::Float(Plane { base: base.into(), coarser: coarser.collect() })
+                let mut levels = plane.levels().to_vec();
+                levels.iter_mut().for_each(|(_, _, texels)| decode_colors(texels));
+                Texels::Float(Plane::with_levels(base.into(), levels))
             }
+            // Levels that are made belong to one colour space.
+            Texels::Eight(plane) => Texels::Eight(Plane::with_levels(plane.base.clone(), plane.levels().to_vec())),
             other => other.clone(),
         }
     }
@@ -113,6 +113,7 @@ pub(super) struct Format {
 
 impl Encoded<'_> {
     /// Length in bytes.
+    #[cfg(feature = "oiio")]
     pub(super) fn len(&self) -> Result<u64, String> {
         match self {
             Encoded::File(path) => std::fs::metadata(path).map(|data| data.len()).map_err(|reason| reason.to_string()),
@@ -193,7 +194,7 @@ pub fn decode(encoded: Encoded, decoder: Decoder) -> Result<Image, String> {
 pub(super) fn open<'b>(encoded: Encoded<'b>, format: &Format) -> Result<Reader<'b>, String> {
     let (path, bytes) = match encoded {
         Encoded::File(path) => (path.to_path_buf(), None),
-        Encoded::Bytes(bytes) => (PathBuf::from(format!("image.{}", format.name)), Some(bytes)),
+        Encoded::Bytes(bytes) => (std::path::PathBuf::from(format!("image.{}", format.name)), Some(bytes)),
     };
     let reader = Reader::open(&path, &format.name, bytes).map_err(|reason| broken(format, &reason))?;
     let (width, height) = reader.info().levels[0];
@@ -241,8 +242,8 @@ fn read_all(reader: &mut Reader, format: &Format) -> Result<Image, String> {
         }
     }
     let texels = match base {
-        Rows::Eight(base) => Texels::Eight(Plane { base: base.into(), coarser: eight.into() }),
-        Rows::Float(base) => Texels::Float(Plane { base: base.into(), coarser: float.into() }),
+        Rows::Eight(base) => Texels::Eight(Plane::with_levels(base.into(), eight)),
+        Rows::Float(base) => Texels::Float(Plane::with_levels(base.into(), float)),
     };
     Ok(Image { width: sizes[0].0, height: sizes[0].1, texels, integers: reader.info().integers })
 }

@@ -1,25 +1,28 @@
 //! All images of a scene within a budget of memory: which are held, and which stay in their files behind the tile cache.
 //!
 //! If all fit (with a third on top, for pyramids), all are held. Else the smallest are held, up to half of the budget, and the
-//! cache gets seven eighths of the rest (the library's readers have buffers of their own, and its limit is overstepped a little
-//! while it evicts). Those that stay and are not stored in tiles are copied, see `scratch`. The picture does not depend on
+//! cache gets three quarters of the rest (the library's readers have buffers of their own, and while it evicts it oversteps its
+//! limit by up to a fifth). Those that stay and are not stored in tiles are copied, see `scratch`. The picture does not depend on
 //! it, the speed does. Without OpenImageIO there is no cache: everything is held.
 
 use std::path::{Path, PathBuf};
+#[cfg(feature = "oiio")]
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::ColorSpace;
+#[cfg(feature = "oiio")]
+use super::Texels;
 use super::decode::{Decoder, Encoded, Image, decode, inspect};
 #[cfg(feature = "oiio")]
 use super::stored::Tiles;
-use super::{ColorSpace, Texels};
 
 /// Default of [`Budget::bytes`]: 4 GiB.
 pub const DEFAULT_BYTES: u64 = 4 << 30;
 
 /// Least of [`Budget::bytes`]: what OpenImageIO's cache takes at least, twice.
-pub const LEAST_BYTES: u64 = 20 << 20;
+pub const LEAST_BYTES: u64 = 24 << 20;
 
 /// What may be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +98,7 @@ pub fn load(requests: &[Request], budget: Budget) -> Images {
     let mut images = Images { images: Vec::new(), excess_bytes: 0 };
     #[cfg(feature = "oiio")]
     if cached {
-        let mut store = Store::new((budget.bytes - held_bytes) / 8 * 7, budget.bytes);
+        let mut store = Store::new((budget.bytes - held_bytes) / 4 * 3, budget.bytes);
         let all = decoded.into_iter().enumerate();
         images.images = all
             .map(|(i, image)| match (image, &mut store) {

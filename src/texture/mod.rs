@@ -44,6 +44,52 @@ pub fn lookup(texture: &Texture, uv: Vec2) -> Vec4 {
     }
 }
 
+/// As [`lookup`], averaged over a width in texture coordinates: the two levels of the pyramid between whose texels it lies, mixed
+/// in proportion (trilinear). [`Texture::make_levels`] was called before; without levels it is [`lookup`].
+pub fn lookup_filtered(texture: &Texture, uv: Vec2, width: f32) -> Vec4 {
+    if let Texels::Udim(udim) = &texture.texels {
+        return udim.at(uv).map_or(udim::Udim::ABSENT, |(page, uv)| lookup_filtered(page, uv, width));
+    }
+    // Texels along the width, in the mean over directions. NaN and what is smaller than a texel need no average.
+    let texels = width * ((texture.width * texture.height) as f32).sqrt();
+    let coarsest = texture.coarsest_level();
+    if !(texels > 1.0) || coarsest == 0 {
+        return lookup(texture, uv);
+    }
+    stats::count_lookup();
+    let level = texels.log2().min(coarsest as f32);
+    let finer = level as usize;
+    let value = lookup_level(texture, finer, uv);
+    let rest = level - finer as f32;
+    if rest > 0.0 { value.lerp(lookup_level(texture, finer + 1, uv), rest) } else { value }
+}
+
+fn lookup_level(texture: &Texture, level: usize, uv: Vec2) -> Vec4 {
+    match &texture.texels {
+        Texels::Eight(plane) => {
+            let (width, height, texels) = match level.checked_sub(1) {
+                None => (texture.width, texture.height, &plane.base[..]),
+                Some(i) => (plane.levels()[i].0, plane.levels()[i].1, &plane.levels()[i].2[..]),
+            };
+            let taps = Taps::new(texture, width, height, uv);
+            match texture.color_space {
+                ColorSpace::Linear => taps.mix(|x, y| linear(texels[y * width + x])),
+                ColorSpace::Srgb => taps.mix(|x, y| srgb(texels[y * width + x])),
+            }
+        }
+        Texels::Float(plane) => {
+            let (width, height, texels) = match level.checked_sub(1) {
+                None => (texture.width, texture.height, &plane.base[..]),
+                Some(i) => (plane.levels()[i].0, plane.levels()[i].1, &plane.levels()[i].2[..]),
+            };
+            Taps::new(texture, width, height, uv).mix(|x, y| Vec4::from_array(texels[y * width + x]))
+        }
+        #[cfg(feature = "oiio")]
+        Texels::Stored(stored) => stored.lookup_level(texture, level, uv),
+        Texels::Udim(_) => lookup(texture, uv),
+    }
+}
+
 /// As [`lookup`], for texels that are not in memory or in several images.
 #[inline(never)]
 fn lookup_elsewhere(texture: &Texture, uv: Vec2) -> Vec4 {

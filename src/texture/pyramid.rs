@@ -1,8 +1,9 @@
 //! Coarser levels of an image: each is half its predecessor, rounded down, and a texel is the mean over the area that it
 //! covers, in linear values. Levels are stored as the image is, so that those of a tiled copy are the same bits.
 
+use super::ColorSpace;
 use super::srgb::{SRGB_TO_LINEAR, linear_to_srgb, srgb_to_linear};
-use super::{ColorSpace, Rows};
+use super::texels::Level;
 
 /// A texel's sources along one axis: first and last texel, and the weights of those two; all between count 1.
 struct Span {
@@ -35,58 +36,72 @@ impl Span {
     }
 }
 
-/// The next level: columns, rows, texels. `decoded` says that colours of floats are encoded by the sRGB curve.
-pub(super) fn halved(
-    width: usize,
-    height: usize,
-    rows: &Rows,
-    color_space: ColorSpace,
-    decoded: bool,
-) -> (usize, usize, Rows) {
-    let (next_width, next_height) = ((width / 2).max(1), (height / 2).max(1));
-    let texels = next_width * next_height;
-    let next = match rows {
-        Rows::Eight(from) => {
-            let linear = |[r, g, b, a]: [u8; 4]| {
-                let rgb = [r, g, b].map(|c| match color_space {
-                    ColorSpace::Srgb => f64::from(SRGB_TO_LINEAR[usize::from(c)]),
-                    ColorSpace::Linear => f64::from(c) / 255.0,
-                });
-                [rgb[0], rgb[1], rgb[2], f64::from(a) / 255.0]
-            };
-            let mut next = Vec::with_capacity(texels);
-            average(
-                (width, height),
-                (next_width, next_height),
-                |i| linear(from[i]),
-                |[r, g, b, a]| {
-                    let coded = |x: f64| (255.0 * x + 0.5) as u8;
-                    let rgb =
-                        [r, g, b].map(|x| coded(if color_space == ColorSpace::Srgb { linear_to_srgb(x) } else { x }));
-                    next.push([rgb[0], rgb[1], rgb[2], coded(a)]);
-                },
-            );
-            Rows::Eight(next)
+/// Every level below an image of that size, by `next`.
+pub(super) fn levels<T>(
+    size: (usize, usize),
+    base: &[T],
+    next: impl Fn((usize, usize), &[T]) -> Level<T>,
+) -> Vec<Level<T>> {
+    let mut levels: Vec<Level<T>> = Vec::new();
+    loop {
+        let (size, texels) = match levels.last() {
+            Some((width, height, texels)) => ((*width, *height), texels.as_slice()),
+            None => (size, base),
+        };
+        if size.0.max(size.1) <= 1 {
+            return levels;
         }
-        Rows::Float(from) => {
-            let linear = |t: [f32; 4]| match decoded {
-                true => [srgb_to_linear(t[0]), srgb_to_linear(t[1]), srgb_to_linear(t[2]), t[3]].map(f64::from),
-                false => t.map(f64::from),
-            };
-            let mut next = Vec::with_capacity(texels);
-            average(
-                (width, height),
-                (next_width, next_height),
-                |i| linear(from[i]),
-                |[r, g, b, a]| {
-                    let rgb = [r, g, b].map(|x| if decoded { linear_to_srgb(x) } else { x });
-                    next.push([rgb[0], rgb[1], rgb[2], a].map(|x| x as f32));
-                },
-            );
-            Rows::Float(next)
-        }
+        let level = next(size, texels);
+        levels.push(level);
+    }
+}
+
+/// The next level of an image of 8 bits.
+pub(super) fn halved_eight(width: usize, height: usize, from: &[[u8; 4]], color_space: ColorSpace) -> Level<[u8; 4]> {
+    let linear = |[r, g, b, a]: [u8; 4]| {
+        let rgb = [r, g, b].map(|c| match color_space {
+            ColorSpace::Srgb => f64::from(SRGB_TO_LINEAR[usize::from(c)]),
+            ColorSpace::Linear => f64::from(c) / 255.0,
+        });
+        [rgb[0], rgb[1], rgb[2], f64::from(a) / 255.0]
     };
-    (next_width, next_height, next)
+    let to = next_size(width, height);
+    let mut next = Vec::with_capacity(to.0 * to.1);
+    average(
+        (width, height),
+        to,
+        |i| linear(from[i]),
+        |[r, g, b, a]| {
+            let coded = |x: f64| (255.0 * x + 0.5) as u8;
+            let rgb = [r, g, b].map(|x| coded(if color_space == ColorSpace::Srgb { linear_to_srgb(x) } else { x }));
+            next.push([rgb[0], rgb[1], rgb[2], coded(a)]);
+        },
+    );
+    (to.0, to.1, next)
+}
+
+/// The next level of an image of floats. `encoded` says that colours are encoded by the sRGB curve.
+pub(super) fn halved_float(width: usize, height: usize, from: &[[f32; 4]], encoded: bool) -> Level<[f32; 4]> {
+    let linear = |t: [f32; 4]| match encoded {
+        true => [srgb_to_linear(t[0]), srgb_to_linear(t[1]), srgb_to_linear(t[2]), t[3]].map(f64::from),
+        false => t.map(f64::from),
+    };
+    let to = next_size(width, height);
+    let mut next = Vec::with_capacity(to.0 * to.1);
+    average(
+        (width, height),
+        to,
+        |i| linear(from[i]),
+        |[r, g, b, a]| {
+            let rgb = [r, g, b].map(|x| if encoded { linear_to_srgb(x) } else { x });
+            next.push([rgb[0], rgb[1], rgb[2], a].map(|x| x as f32));
+        },
+    );
+    (to.0, to.1, next)
+}
+
+fn next_size(width: usize, height: usize) -> (usize, usize) {
+    ((width / 2).max(1), (height / 2).max(1))
 }
 
 fn average(

@@ -36,15 +36,20 @@ impl Scratch {
         integers: bool,
     ) -> Result<PathBuf, String> {
         let path = self.folder.join(format!("{number}-{color_space:?}.tif"));
-        let decoded = integers && color_space == ColorSpace::Srgb;
-        let mut coarser: Vec<(usize, usize, Rows)> = Vec::new();
-        loop {
-            let (width, height, rows) = coarser.last().unwrap_or(image);
-            if width.max(height) <= &1 {
-                break;
+        let (width, height, rows) = image;
+        let encoded = integers && color_space == ColorSpace::Srgb;
+        let coarser: Vec<(usize, usize, Rows)> = match rows {
+            Rows::Eight(texels) => {
+                let next = |(w, h), texels: &[[u8; 4]]| pyramid::halved_eight(w, h, texels, color_space);
+                let levels = pyramid::levels((*width, *height), texels, next).into_iter();
+                levels.map(|(w, h, texels)| (w, h, Rows::Eight(texels))).collect()
             }
-            coarser.push(pyramid::halved(*width, *height, rows, color_space, decoded));
-        }
+            Rows::Float(texels) => {
+                let next = |(w, h), texels: &[[f32; 4]]| pyramid::halved_float(w, h, texels, encoded);
+                let levels = pyramid::levels((*width, *height), texels, next).into_iter();
+                levels.map(|(w, h, texels)| (w, h, Rows::Float(texels))).collect()
+            }
+        };
         let levels: Vec<_> =
             std::iter::once(image).chain(&coarser).map(|(width, height, rows)| (*width, *height, rows)).collect();
         write_tiled(&path, &levels).map_err(|reason| format!("cannot write {}: {reason}", path.display()))?;

@@ -2,10 +2,11 @@
 //!
 //! Where the numbers are kept is [`Texels`]' own affair: a look-up gives the same bits from memory and from the tile cache.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
+use super::pyramid;
 use super::srgb::{SRGB_TO_LINEAR, srgb_to_linear};
 use super::stats::TextureStats;
 #[cfg(feature = "oiio")]
@@ -72,9 +73,12 @@ pub enum Texels {
 pub struct Plane<T> {
     /// The image, row-major from the top.
     pub base: Arc<[T]>,
-    /// Coarser levels of the file: columns, rows, texels.
-    pub coarser: Arc<[(usize, usize, Vec<T>)]>,
+    /// Coarser levels, columns, rows, texels: those of the file, else made when they are first needed.
+    pub coarser: Arc<OnceLock<Vec<Level<T>>>>,
 }
+
+/// Columns, rows and texels of a level.
+pub type Level<T> = (usize, usize, Vec<T>);
 
 /// Texels of some rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +92,18 @@ pub enum Rows {
 impl<T> Plane<T> {
     /// An image without coarser levels.
     pub fn new(base: Arc<[T]>) -> Self {
-        Plane { base, coarser: Arc::new([]) }
+        Plane { base, coarser: Arc::default() }
+    }
+
+    /// An image and the levels of its file; none if that has none.
+    pub(super) fn with_levels(base: Arc<[T]>, levels: Vec<Level<T>>) -> Self {
+        let coarser = if levels.is_empty() { OnceLock::new() } else { OnceLock::from(levels) };
+        Plane { base, coarser: Arc::new(coarser) }
+    }
+
+    /// The coarser levels there are by now.
+    pub(super) fn levels(&self) -> &[Level<T>] {
+        self.coarser.get().map_or(&[], Vec::as_slice)
     }
 }
 
@@ -116,7 +131,7 @@ impl Texels {
     /// Bytes in memory, without what the tile cache holds.
     pub fn bytes(&self) -> u64 {
         fn of<T>(plane: &Plane<T>) -> u64 {
-            let coarser: usize = plane.coarser.iter().map(|(_, _, texels)| texels.len()).sum();
+            let coarser: usize = plane.levels().iter().map(|(_, _, texels)| texels.len()).sum();
             ((plane.base.len() + coarser) * size_of::<T>()) as u64
         }
         match self {
@@ -209,6 +224,38 @@ impl Texture {
             Texels::Udim(udim) => return udim.pages().find_map(|(_, page)| page.problem()),
         };
         (expected != Some(found)).then(|| format!("expected {} × {} texels, found {found}", self.width, self.height))
+    }
+
+    /// Makes the coarser levels that [`lookup_filtered`](super::lookup_filtered) reads, where the image's file has none.
+    pub fn make_levels(&self) {
+        let size = (self.width, self.height);
+        match &self.texels {
+            Texels::Eight(plane) => {
+                let next = |(width, height), texels: &[[u8; 4]]| {
+                    pyramid::halved_eight(width, height, texels, self.color_space)
+                };
+                plane.coarser.get_or_init(|| pyramid::levels(size, &plane.base, next));
+            }
+            Texels::Float(plane) => {
+                // Colours in memory are decoded.
+                let next = |(width, height), texels: &[[f32; 4]]| pyramid::halved_float(width, height, texels, false);
+                plane.coarser.get_or_init(|| pyramid::levels(size, &plane.base, next));
+            }
+            #[cfg(feature = "oiio")]
+            Texels::Stored(_) => {}
+            Texels::Udim(udim) => udim.pages().for_each(|(_, page)| page.make_levels()),
+        }
+    }
+
+    /// Number of the last level there is by now; the image itself is 0.
+    pub(super) fn coarsest_level(&self) -> usize {
+        match &self.texels {
+            Texels::Eight(plane) => plane.levels().len(),
+            Texels::Float(plane) => plane.levels().len(),
+            #[cfg(feature = "oiio")]
+            Texels::Stored(stored) => stored.levels().len() - 1,
+            Texels::Udim(_) => 0,
+        }
     }
 
     /// Mean of the linear texels, R, G and B; 0 only where every texel is.

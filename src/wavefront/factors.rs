@@ -3,9 +3,9 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use super::Context;
 use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, get, set};
 use super::vertices::Vertices;
+use super::{Context, footprint};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::scene::{Material, TextureSlot};
 use crate::shading::interaction;
@@ -75,18 +75,21 @@ impl Factors {
                 }
             }
         }
-        let fetch = |slot: Option<TextureSlot>, i: usize| -> Option<Vec4> {
+        let features = &context.plan.features;
+        let fetch = |vertices: &Vertices, slot: Option<TextureSlot>, i: usize| -> Option<Vec4> {
             let slot = slot?;
+            if features.footprints {
+                return Some(footprint::lookup(context, rays, vertices, i, slot));
+            }
             let uv = match slot.uv_set {
                 0 => uv[i],
                 channel => context.geometry.uv(corners[i].0, channel, corners[i].1).unwrap_or(uv[i]),
             };
             Some(texture::lookup(&context.scene.textures[slot.texture.index()], uv))
         };
-        let features = &context.plan.features;
         if features.base_color_textures {
             for i in (0..LANES).filter(|&i| reads[i] != 0) {
-                if let Some(texel) = fetch(material(vertices, i).base_color_texture, i) {
+                if let Some(texel) = fetch(vertices, material(vertices, i).base_color_texture, i) {
                     let color = get(&self.base_color, i) * texel.truncate();
                     set(&mut self.base_color, i, color);
                 }
@@ -94,7 +97,7 @@ impl Factors {
         }
         if features.metallic_roughness_textures {
             for i in (0..LANES).filter(|&i| reads[i] != 0) {
-                if let Some(texel) = fetch(material(vertices, i).metallic_roughness_texture, i) {
+                if let Some(texel) = fetch(vertices, material(vertices, i).metallic_roughness_texture, i) {
                     self.roughness[i] *= texel.y;
                     self.metallic[i] *= texel.z;
                 }
@@ -103,7 +106,7 @@ impl Factors {
         if features.normal_maps {
             for i in (0..LANES).filter(|&i| reads[i] != 0) {
                 let scale = material(vertices, i).normal_scale;
-                let Some(texel) = fetch(material(vertices, i).normal_texture, i) else { continue };
+                let Some(texel) = fetch(vertices, material(vertices, i).normal_texture, i) else { continue };
                 // Maps are authored for normals of the front side.
                 let (n_s, side) = (get(&vertices.n_s, i) * vertices.side[i], vertices.side[i]);
                 let hit = rays.hit_unchecked(i);

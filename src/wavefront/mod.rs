@@ -13,6 +13,7 @@ pub mod emission;
 pub mod estimator;
 pub mod factors;
 pub mod first_hit;
+pub mod footprint;
 pub mod general;
 #[allow(unsafe_code)] // Fence 3 of 3: calls into code compiled for AVX-512.
 pub mod isa;

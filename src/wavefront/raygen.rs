@@ -2,6 +2,7 @@
 //! Morton curve, so that packets of camera rays are coherent.
 
 use super::Context;
+use super::footprint::Cone;
 use super::state::{Gathered, PathBlock, Wave};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::film::filter::FilterSample;
@@ -89,6 +90,11 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
         rays.tnear = [context.camera.near(); LANES];
     }
     wave.sums.per_length.fill([[0.0; 3]; LENGTHS]);
+    wave.cones.clear();
+    if context.plan.features.footprints {
+        let (width_m, spread) = context.camera.pixel_cone();
+        wave.cones.resize(len, Cone { width_m, spread });
+    }
 }
 
 /// Once camera rays are traced, their blocks are used again for rays that begin where they start.

@@ -9,10 +9,11 @@ use std::mem;
 
 use super::Context;
 use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set};
+use super::footprint::{self, Cone};
 use super::isa::Isa;
 use super::light_sample::LightLanes;
 use super::queue::Kind;
-use super::state::{Carried, PathBlock, Paths, ShadowLanes, Shadows, Sums, Survivors, Wave};
+use super::state::{PathBlock, Paths, ShadowLanes, Shadows, Sums, Survivors, Wave};
 use super::vertices::Vertices;
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::math::float;
@@ -56,6 +57,8 @@ struct Outputs<'w> {
     next: &'w mut Paths,
     shadows: &'w mut Shadows,
     sums: &'w mut Sums,
+    /// Empty unless textures are averaged over the width of paths.
+    cones: &'w mut [Cone],
 }
 
 /// Shades the lanes of one kind: dense blocks where they lie, then the queue. Returns how many paths the depth limit ended.
@@ -66,8 +69,8 @@ pub fn run<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(context: &Context<'c>, wave: &mu
     }
     let blocks = wave.current.blocks();
     let queue = mem::take(&mut wave.queues[kind as usize]);
-    let Wave { current, next, shadows, dense, sums, .. } = wave;
-    let mut outputs = Outputs { next, shadows, sums };
+    let Wave { current, next, shadows, dense, sums, cones, .. } = wave;
+    let mut outputs = Outputs { next, shadows, sums, cones };
     let mut capped = 0;
     for block in 0..blocks {
         let (of, lanes) = dense[block];
@@ -113,6 +116,9 @@ fn shade_block<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(
 ) -> u64 {
     let plan = context.plan;
     let mut vertices = Vertices::gather::<I>(context, rays, paths, lanes);
+    if plan.features.footprints {
+        vertices.width = footprint::widths(outputs.cones, rays, paths, lanes);
+    }
     if plan.features.absorption {
         vertices.absorb(context, rays, paths);
     }
@@ -139,7 +145,7 @@ fn shade_block<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(
             shadow_rays::<_, I>(context, &vertices, &bsdfs, &lit, &mut light, paths, outputs.shadows);
         }
     }
-    scatter::<_, I>(context, &vertices, &bsdfs, paths, &u_bsdf, context.carried, outputs.next);
+    scatter::<_, I>(context, &vertices, &bsdfs, paths, &u_bsdf, outputs);
     0
 }
 
@@ -208,8 +214,7 @@ fn scatter<'c, B: Bsdfs<'c>, I: Isa>(
     bsdfs: &B,
     paths: &PathBlock,
     u: &[Lane; 4],
-    carried: Carried,
-    next: &mut Paths,
+    outputs: &mut Outputs,
 ) {
     let mut to = Survivors {
         org: ZERO3,
@@ -234,7 +239,10 @@ fn scatter<'c, B: Bsdfs<'c>, I: Isa>(
         }
         keep[i] &= vertices.active[i] & u32::from(!dead);
     }
-    next.append::<I>(&to, paths, bits(&keep), carried);
+    if context.plan.features.footprints {
+        footprint::scatter(outputs.cones, vertices, paths, &to.last_pdf_sa, &keep);
+    }
+    outputs.next.append::<I>(&to, paths, bits(&keep), context.carried);
 }
 
 /// One set of four numbers per lane.

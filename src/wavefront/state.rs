@@ -9,6 +9,7 @@ use glam::Vec3;
 use super::alpha::Passing;
 use super::capped::Capped;
 use super::columns::{Lane, Lane3};
+use super::footprint::Cone;
 use super::isa::Isa;
 use super::queue::{KINDS, Kind};
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
@@ -302,6 +303,8 @@ pub struct Wave {
     pub passing: Passing,
     /// What the camera samples have gathered.
     pub sums: Sums,
+    /// Widths of the paths, by camera sample; empty unless textures are averaged over them.
+    pub cones: Vec<Cone>,
 }
 
 /// Where radiance goes.
@@ -330,6 +333,7 @@ impl Wave {
                 per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
                 capped: Capped::default(),
             },
+            cones: Vec::new(),
         }
     }
 

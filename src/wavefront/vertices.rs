@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::columns::{Lane, Lane3, Mask, Points, ZERO, ZERO3, get, set, spread};
 use super::isa::Isa;
 use super::state::{PathBlock, Sums};
-use super::{Context, emission};
+use super::{Context, emission, footprint};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::math::float;
 use crate::plan::options::Roulette;
@@ -35,6 +35,8 @@ pub struct Vertices {
     pub material: [u32; LANES],
     /// Light that the triangle is, or `u32::MAX`.
     pub light: [u32; LANES],
+    /// Width of the path here, metres; 0 unless textures are averaged over it.
+    pub width: Lane,
     /// Cosine between the front's geometric normal and `wo`.
     cos_g: Lane,
 }
@@ -66,7 +68,20 @@ impl Vertices {
             side[i] = turn;
             cos_g[i] = cos;
         }
-        Vertices { active: spread(lanes), beta: paths.beta, p, error, wo, n_g, n_s, side, material, light, cos_g }
+        Vertices {
+            active: spread(lanes),
+            beta: paths.beta,
+            p,
+            error,
+            wo,
+            n_g,
+            n_s,
+            side,
+            material,
+            light,
+            width: ZERO,
+            cos_g,
+        }
     }
 
     /// Takes off what the solids on the last edge absorbed.
@@ -113,7 +128,11 @@ impl Vertices {
             let material = &context.scene.materials[self.material[i] as usize];
             if self.active[i] != 0 && material.unlit {
                 let hit = rays.hit_unchecked(i);
-                let color = emission::unlit_color(context, &hit, material);
+                let color = if context.plan.features.footprints {
+                    footprint::unlit_color(context, rays, self, i, material)
+                } else {
+                    emission::unlit_color(context, &hit, material)
+                };
                 sums.add(paths.slot[i], edge, get(&self.beta, i) * color);
                 self.active[i] = 0;
             }

@@ -282,6 +282,14 @@ int pathspace_oiio_write(const char* path, const pathspace_oiio_info* info, cons
 
 namespace {
 
+// Hands free memory back to the system. A tile is freed by another thread than the one that needs the next, which has a heap
+// of its own: without this the process grows far beyond what the cache holds.
+void give_back() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+}
+
 struct Image {
   ImageCache::ImageHandle* handle;
   Kind kind;
@@ -308,6 +316,8 @@ struct Shared {
   std::vector<Image> images;
   uint64_t serial = 0;
   size_t hold_limit = 0;
+  size_t give_back_after = 0;
+  std::atomic<size_t> fetched{0};
   std::atomic<size_t> held{0};
   std::atomic<uint64_t> peak{0};
   std::mutex threads_lock;
@@ -391,6 +401,8 @@ struct Thread {
     taken.pixels = static_cast<const unsigned char*>(pixels);
     taken.bytes = size_t(spec.tile_width) * size_t(spec.tile_height) * size_t(picture.channels) * size_of(picture.kind);
     release(slot);
+    const size_t before = of->fetched.fetch_add(taken.bytes, std::memory_order_relaxed);
+    if (before / of->give_back_after != (before + taken.bytes) / of->give_back_after) give_back();
     if (of->held.load(std::memory_order_relaxed) + taken.bytes > of->hold_limit) {
       for (Held& other : held) release(other);
     }
@@ -422,6 +434,7 @@ pathspace_oiio_cache* pathspace_oiio_cache_new(uint64_t max_bytes) noexcept {
     if (!shared->cache) throw Failure("no cache");
     shared->serial = next_serial++;
     shared->hold_limit = size_t(max_bytes / 8);
+    shared->give_back_after = std::max(size_t(max_bytes / 16), size_t(1) << 20);
     shared->cache->attribute("max_memory_MB", float(double(max_bytes) / double(1 << 20)));
     shared->cache->attribute("max_open_files", 256);
     shared->cache->attribute("unassociatedalpha", 1);
@@ -452,10 +465,8 @@ int pathspace_oiio_cache_add(pathspace_oiio_cache* cache, const char* path, uint
     added.channels = added.levels[0].nchannels;
     *image = uint32_t(shared.images.size());
     shared.images.push_back(std::move(added));
-#ifdef __GLIBC__
-    // What decoding and copying freed goes back to the system, so that it does not stand beside what the cache will take.
-    malloc_trim(0);
-#endif
+    // What decoding and copying freed must not stand beside what the cache will take.
+    give_back();
   });
 }
 
