@@ -67,8 +67,12 @@ fn describe(built: std::result::Result<&BackendInfo, &Error>) -> String {
 /// Who reads images.
 #[cfg(feature = "oiio")]
 fn images() -> String {
-    let crate::texture::oiio::Version { number, file } = crate::texture::oiio::version();
-    format!("OpenImageIO {number}, linked dynamically ({file})")
+    match crate::texture::oiio::version() {
+        Ok(version) => {
+            format!("OpenImageIO {}, loaded when the first image is read ({})", version.number, version.file)
+        }
+        Err(problem) => format!("OpenImageIO is not usable: {problem}"),
+    }
 }
 
 /// Who reads images.

@@ -38,15 +38,20 @@ pub struct Info {
 }
 
 /// Which library runs.
-pub fn version() -> Version {
+///
+/// # Errors
+/// What the dynamic linker says where it does not load.
+pub fn version() -> Result<Version, String> {
+    let api = sys::api()?;
     let (mut number, mut file) = ([0 as c_char; 64], [0 as c_char; MESSAGE]);
     // SAFETY: both buffers are as long as said; the function writes strings that end in 0 into them.
-    unsafe { sys::pathspace_oiio_version(number.as_mut_ptr(), number.len(), file.as_mut_ptr(), file.len()) };
-    Version { number: text(&number), file: text(&file) }
+    unsafe { (api.version)(number.as_mut_ptr(), number.len(), file.as_mut_ptr(), file.len()) };
+    Ok(Version { number: text(&number), file: text(&file) })
 }
 
 /// An open image. `'b` is the life of the bytes it may read from.
 pub struct Reader<'b> {
+    api: &'static sys::Api,
     raw: NonNull<sys::Reader>,
     info: Info,
     _bytes: std::marker::PhantomData<&'b [u8]>,
@@ -55,6 +60,7 @@ pub struct Reader<'b> {
 impl<'b> Reader<'b> {
     /// Opens a file, or `bytes`, as an image of `format` (an extension without its dot).
     pub fn open(path: &Path, format: &str, bytes: Option<&'b [u8]>) -> Result<Self, String> {
+        let api = sys::api()?;
         let (path, format) = (c_string(path.as_os_str().as_bytes())?, c_string(format.as_bytes())?);
         let (data, size) = bytes.map_or((ptr::null(), 0), |bytes| (bytes.as_ptr().cast(), bytes.len()));
         let mut raw = ptr::null_mut();
@@ -63,20 +69,11 @@ impl<'b> Reader<'b> {
             // SAFETY: the strings end in 0 and live through the call; the bytes live as long as the reader, by its lifetime;
             // the other pointers are to variables of this frame.
             unsafe {
-                sys::pathspace_oiio_open(
-                    path.as_ptr(),
-                    format.as_ptr(),
-                    data,
-                    size,
-                    &mut raw,
-                    &mut info,
-                    message,
-                    size_of_message,
-                )
+                (api.open)(path.as_ptr(), format.as_ptr(), data, size, &mut raw, &mut info, message, size_of_message)
             }
         })?;
         let raw = NonNull::new(raw).ok_or("no reader was returned")?;
-        Ok(Reader { raw, info: described(&info), _bytes: std::marker::PhantomData })
+        Ok(Reader { api, raw, info: described(&info), _bytes: std::marker::PhantomData })
     }
 
     /// What the header says.
@@ -103,7 +100,7 @@ impl<'b> Reader<'b> {
             // SAFETY: the reader is open; `place` has room for the texels of these rows, checked against the header above:
             // the shim refuses a level whose size is not the header's.
             unsafe {
-                sys::pathspace_oiio_read(
+                (self.api.read)(
                     self.raw.as_ptr(),
                     level as u32,
                     rows.start as u32,
@@ -121,12 +118,13 @@ impl<'b> Reader<'b> {
 impl Drop for Reader<'_> {
     fn drop(&mut self) {
         // SAFETY: opened in `open`, closed here alone.
-        unsafe { sys::pathspace_oiio_close(self.raw.as_ptr()) }
+        unsafe { (self.api.close)(self.raw.as_ptr()) }
     }
 }
 
 /// Writes levels (columns, rows, texels; all of one kind) as a tiled TIFF without compression.
 pub fn write_tiled(path: &Path, levels: &[(usize, usize, &Rows)]) -> Result<(), String> {
+    let api = sys::api()?;
     let path = c_string(path.as_os_str().as_bytes())?;
     let mut info = EMPTY;
     let mut places = Vec::new();
@@ -148,14 +146,20 @@ pub fn write_tiled(path: &Path, levels: &[(usize, usize, &Rows)]) -> Result<(), 
     }
     call(|message, size| {
         // SAFETY: `places` has as many pointers as `info.levels` says, each to the texels of its level, as checked above.
-        unsafe { sys::pathspace_oiio_write(path.as_ptr(), &info, places.as_ptr(), message, size) }
+        unsafe { (api.write)(path.as_ptr(), &info, places.as_ptr(), message, size) }
     })
 }
 
 /// Tiles of files, held up to a limit. Any number of threads may look into it.
-#[derive(Debug)]
 pub struct Cache {
+    api: &'static sys::Api,
     raw: NonNull<sys::Cache>,
+}
+
+impl std::fmt::Debug for Cache {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_tuple("Cache").field(&self.raw).finish()
+    }
 }
 
 // SAFETY: the shim's functions on a cache, but for `add` (which takes `&mut self`) and the end, may be called by any number of
@@ -170,9 +174,10 @@ pub use sys::Texel;
 impl Cache {
     /// An empty one that holds at most `max_bytes` (OpenImageIO takes 10 MB for anything less).
     pub fn new(max_bytes: u64) -> Result<Self, String> {
+        let api = sys::api()?;
         // SAFETY: no pointers.
-        let raw = unsafe { sys::pathspace_oiio_cache_new(max_bytes) };
-        NonNull::new(raw).map(|raw| Cache { raw }).ok_or_else(|| "no memory for a texture cache".into())
+        let raw = unsafe { (api.cache_new)(max_bytes) };
+        NonNull::new(raw).map(|raw| Cache { api, raw }).ok_or_else(|| "no memory for a texture cache".into())
     }
 
     /// Adds a tiled file; its number.
@@ -181,7 +186,7 @@ impl Cache {
         let mut image = 0;
         call(|message, size| {
             // SAFETY: the cache lives; the path ends in 0.
-            unsafe { sys::pathspace_oiio_cache_add(self.raw.as_ptr(), path.as_ptr(), &mut image, message, size) }
+            unsafe { (self.api.cache_add)(self.raw.as_ptr(), path.as_ptr(), &mut image, message, size) }
         })?;
         Ok(image)
     }
@@ -205,17 +210,7 @@ impl Cache {
     fn texels(&self, image: u32, wanted: &[Texel], texels: *mut std::ffi::c_void) -> Result<(), String> {
         call(|message, size| {
             // SAFETY: the cache lives; `wanted` is as long as said; `texels` has room, see above.
-            unsafe {
-                sys::pathspace_oiio_texels(
-                    self.raw.as_ptr(),
-                    image,
-                    wanted.len(),
-                    wanted.as_ptr(),
-                    texels,
-                    message,
-                    size,
-                )
-            }
+            unsafe { (self.api.texels)(self.raw.as_ptr(), image, wanted.len(), wanted.as_ptr(), texels, message, size) }
         })
     }
 
@@ -223,7 +218,7 @@ impl Cache {
     pub fn stats(&self) -> sys::Stats {
         let mut stats = sys::Stats::default();
         // SAFETY: the cache lives; `stats` is of this frame.
-        unsafe { sys::pathspace_oiio_cache_stats(self.raw.as_ptr(), &mut stats) };
+        unsafe { (self.api.cache_stats)(self.raw.as_ptr(), &mut stats) };
         stats
     }
 }
@@ -231,7 +226,7 @@ impl Cache {
 impl Drop for Cache {
     fn drop(&mut self) {
         // SAFETY: made in `new`, ended here alone; threads that still hold tiles keep what they need of it.
-        unsafe { sys::pathspace_oiio_cache_free(self.raw.as_ptr()) }
+        unsafe { (self.api.cache_free)(self.raw.as_ptr()) }
     }
 }
 

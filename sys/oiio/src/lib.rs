@@ -1,7 +1,12 @@
 //! Declarations of the shim over the installed OpenImageIO (`shim.h`, where each function is described). No policy, no
-//! wrapper: the safe layer is `pathspace::texture::oiio`.
+//! wrapper: the safe layer is `pathspace::texture::oiio`. The shim is carried in the binary and opened from memory when it is first asked
+//! for, so that a render without images does not load OpenImageIO.
 
-use std::ffi::{c_char, c_int, c_void};
+use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_void};
+use std::fs::File;
+use std::io::Write;
+use std::os::fd::{AsRawFd, FromRawFd};
+use std::sync::OnceLock;
 
 /// Most levels of a pyramid.
 pub const LEVELS: usize = 24;
@@ -73,10 +78,14 @@ pub struct Cache {
     _private: [u8; 0],
 }
 
-#[allow(missing_docs)] // See shim.h.
-unsafe extern "C" {
-    pub fn pathspace_oiio_version(version: *mut c_char, version_size: usize, file: *mut c_char, file_size: usize);
-    pub fn pathspace_oiio_open(
+/// The shim, compiled: a shared library.
+static SHIM: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/shim.so"));
+
+/// The functions of the shim; `shim.h` describes each.
+#[allow(missing_docs)]
+pub struct Api {
+    pub version: unsafe extern "C" fn(version: *mut c_char, version_size: usize, file: *mut c_char, file_size: usize),
+    pub open: unsafe extern "C" fn(
         name: *const c_char,
         format: *const c_char,
         bytes: *const c_void,
@@ -85,8 +94,8 @@ unsafe extern "C" {
         info: *mut Info,
         error: *mut c_char,
         error_size: usize,
-    ) -> c_int;
-    pub fn pathspace_oiio_read(
+    ) -> c_int,
+    pub read: unsafe extern "C" fn(
         reader: *mut Reader,
         level: u32,
         begin: u32,
@@ -94,24 +103,24 @@ unsafe extern "C" {
         texels: *mut c_void,
         error: *mut c_char,
         error_size: usize,
-    ) -> c_int;
-    pub fn pathspace_oiio_close(reader: *mut Reader);
-    pub fn pathspace_oiio_write(
+    ) -> c_int,
+    pub close: unsafe extern "C" fn(reader: *mut Reader),
+    pub write: unsafe extern "C" fn(
         path: *const c_char,
         info: *const Info,
         levels: *const *const c_void,
         error: *mut c_char,
         error_size: usize,
-    ) -> c_int;
-    pub fn pathspace_oiio_cache_new(max_bytes: u64) -> *mut Cache;
-    pub fn pathspace_oiio_cache_add(
+    ) -> c_int,
+    pub cache_new: unsafe extern "C" fn(max_bytes: u64) -> *mut Cache,
+    pub cache_add: unsafe extern "C" fn(
         cache: *mut Cache,
         path: *const c_char,
         image: *mut u32,
         error: *mut c_char,
         error_size: usize,
-    ) -> c_int;
-    pub fn pathspace_oiio_texels(
+    ) -> c_int,
+    pub texels: unsafe extern "C" fn(
         cache: *mut Cache,
         image: u32,
         count: usize,
@@ -119,7 +128,84 @@ unsafe extern "C" {
         texels: *mut c_void,
         error: *mut c_char,
         error_size: usize,
-    ) -> c_int;
-    pub fn pathspace_oiio_cache_stats(cache: *mut Cache, stats: *mut Stats);
-    pub fn pathspace_oiio_cache_free(cache: *mut Cache);
+    ) -> c_int,
+    pub cache_stats: unsafe extern "C" fn(cache: *mut Cache, stats: *mut Stats),
+    pub cache_free: unsafe extern "C" fn(cache: *mut Cache),
+}
+
+/// The shim, opened with OpenImageIO and all that it brings along at the first call.
+///
+/// # Errors
+/// The dynamic linker's message where a library is missing.
+pub fn api() -> Result<&'static Api, String> {
+    static API: OnceLock<Result<Api, String>> = OnceLock::new();
+    API.get_or_init(Api::open).as_ref().map_err(Clone::clone)
+}
+
+unsafe extern "C" {
+    fn dlopen(file: *const c_char, flags: c_int) -> *mut c_void;
+    fn dlsym(library: *mut c_void, name: *const c_char) -> *mut c_void;
+    fn dlerror() -> *const c_char;
+    fn memfd_create(name: *const c_char, flags: c_uint) -> c_int;
+}
+
+impl Api {
+    fn open() -> Result<Self, String> {
+        const RTLD_NOW: c_int = 2;
+        const MFD_CLOEXEC: c_uint = 1;
+        // SAFETY: the name ends in 0; a descriptor that is not negative is new and nobody else's.
+        let mut file = unsafe {
+            let descriptor = memfd_create(c"pathspace_oiio".as_ptr(), MFD_CLOEXEC);
+            if descriptor < 0 {
+                return Err(format!("no file in memory: {}", std::io::Error::last_os_error()));
+            }
+            File::from_raw_fd(descriptor)
+        };
+        file.write_all(SHIM).map_err(|problem| format!("no file in memory: {problem}"))?;
+        let path = CString::new(format!("/proc/self/fd/{}", file.as_raw_fd())).expect("digits and letters");
+        // SAFETY: the path ends in 0; the library is our own shim, whose initialisers are OpenImageIO's. It stays open.
+        let library = unsafe { dlopen(path.as_ptr(), RTLD_NOW) };
+        if library.is_null() {
+            return Err(problem());
+        }
+        // SAFETY: each symbol is the function of that signature, as shim.h declares it.
+        unsafe {
+            Ok(Api {
+                version: symbol(library, c"pathspace_oiio_version")?,
+                open: symbol(library, c"pathspace_oiio_open")?,
+                read: symbol(library, c"pathspace_oiio_read")?,
+                close: symbol(library, c"pathspace_oiio_close")?,
+                write: symbol(library, c"pathspace_oiio_write")?,
+                cache_new: symbol(library, c"pathspace_oiio_cache_new")?,
+                cache_add: symbol(library, c"pathspace_oiio_cache_add")?,
+                texels: symbol(library, c"pathspace_oiio_texels")?,
+                cache_stats: symbol(library, c"pathspace_oiio_cache_stats")?,
+                cache_free: symbol(library, c"pathspace_oiio_cache_free")?,
+            })
+        }
+    }
+}
+
+/// Address of a function.
+///
+/// # Safety
+/// `F` is the type of that function.
+unsafe fn symbol<F: Copy>(library: *mut c_void, name: &CStr) -> Result<F, String> {
+    const { assert!(size_of::<F>() == size_of::<*mut c_void>()) };
+    // SAFETY: the library is open; the name ends in 0.
+    let address = unsafe { dlsym(library, name.as_ptr()) };
+    if address.is_null() {
+        return Err(problem());
+    }
+    // SAFETY: an address that is not 0, of the caller's type.
+    Ok(unsafe { std::mem::transmute_copy(&address) })
+}
+
+/// What the dynamic linker says of this thread's last failure.
+fn problem() -> String {
+    // SAFETY: null, or a string that ends in 0 and lives until the next call.
+    unsafe {
+        let message = dlerror();
+        if message.is_null() { "unknown".into() } else { CStr::from_ptr(message).to_string_lossy().into_owned() }
+    }
 }
