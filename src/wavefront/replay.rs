@@ -1,6 +1,6 @@
 //! One camera sample again, by the very loop, kernels and random numbers of the render, with every vertex written down.
 //!
-//! A wave of one path runs; between the stages a [`Witness`] reads its columns: rays, hits, throughput, shadow rays, sums.
+//! A wave of one path runs; between the stages a `Witness` reads its columns: rays, hits, throughput, shadow rays, sums.
 //! What the columns do not hold (normals, densities, weights, the lobe) is computed again by the pure functions that the
 //! kernels call, from the same numbers. [`Replay::told`] adds up what was written down, so that a story that no longer is the
 //! kernels' shows: tests hold it against the sums, bit for bit.

@@ -55,7 +55,7 @@ pub struct Seen {
     pub pdf_sa: f32,
 }
 
-/// Coordinates in the map, u in [0,1), v in [0,1].
+/// Coordinates in the map: u from 0 to below 1, v from 0 to 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MapPoint {
     u: f32,
