@@ -13,6 +13,9 @@ use super::decode::{Encoded, Format, Header, Image, broken, check_size, credited
 /// Working memory a decoder may take beyond 16 bytes a texel.
 const DECODER_SLACK_BYTES: u64 = 64 << 20;
 
+/// Marker at the end of a JPEG.
+const JPEG_END: [u8; 2] = [0xff, 0xd9];
+
 pub(super) fn inspect(encoded: Encoded, format: &Format) -> Result<Header, String> {
     let bytes = bytes(encoded)?;
     let (texels, texel_bytes) = match known(format)? {
@@ -34,6 +37,10 @@ pub(super) fn decode(encoded: Encoded, format: &Format) -> Result<Image, String>
     };
     let (width, height) = open(&bytes, kind, format, limits(DECODER_SLACK_BYTES))?.dimensions();
     let texels = check_size(u64::from(width), u64::from(height), credited(format, bytes.len() as u64))?;
+    // The decoder fills up with grey what is cut off.
+    if kind == ImageFormat::Jpeg && !bytes.windows(2).rev().any(|pair| pair == JPEG_END) {
+        return Err(broken(format, "no end of the image: the file is cut off"));
+    }
     let decoder = open(&bytes, kind, format, limits(16 * texels + DECODER_SLACK_BYTES))?;
     let image = DynamicImage::from_decoder(decoder).map_err(|reason| broken(format, &reason.to_string()))?;
     let (width, height) = (width as usize, height as usize);
