@@ -19,11 +19,17 @@ pub(super) struct Scratch {
 impl Scratch {
     pub(super) fn new() -> Result<Self, String> {
         static NEXT: AtomicU64 = AtomicU64::new(0);
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("pathspace-{}-{number}", std::process::id()));
-        // Not `create_dir_all`: a folder that is there already is somebody else's.
-        std::fs::create_dir(&folder).map_err(|reason| format!("cannot make {}: {reason}", folder.display()))?;
-        Ok(Scratch { folder })
+        loop {
+            let number = NEXT.fetch_add(1, Ordering::Relaxed);
+            let folder = std::env::temp_dir().join(format!("pathspace-{}-{number}", std::process::id()));
+            // Not `create_dir_all`: a folder that is there already is somebody else's, such as a killed process of the same
+            // number (containers count from 1 each time).
+            match std::fs::create_dir(&folder) {
+                Ok(()) => return Ok(Scratch { folder }),
+                Err(reason) if reason.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(reason) => return Err(format!("cannot make {}: {reason}", folder.display())),
+            }
+        }
     }
 
     /// Writes an image and its pyramid; where to. Levels are averaged in linear values of `color_space`; `integers` says that
