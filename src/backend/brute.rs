@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
-use super::triangle::{Closest, Rank, Ray, RayShear, TriangleHit, is_degenerate};
+use super::triangle::{Closest, Rank, Ray, RayShear, TriangleHit};
 use super::{Backend, BackendInfo, BackendKind, Coherence, QueryMode};
 use crate::scene::geometry::{Geometry, Placement};
 
@@ -30,14 +30,7 @@ impl Brute {
         let meshes: Vec<Vec<Face>> = geometry
             .meshes
             .iter()
-            .map(|mesh| {
-                let corner = |i: u32| mesh.vertices.get(i as usize).copied().unwrap_or(Vec3::NAN);
-                (0u32..)
-                    .zip(&mesh.indices)
-                    .map(|(prim, triangle)| Face { vertices: triangle.map(corner), prim })
-                    .filter(|face| !is_degenerate(&face.vertices))
-                    .collect()
-            })
+            .map(|mesh| mesh.traced().map(|(prim, vertices)| Face { vertices, prim }).collect())
             .collect();
         let triangles = meshes.iter().map(|m| m.len() as u64).sum();
         let single = QueryMode::Single.name();

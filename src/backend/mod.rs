@@ -1,13 +1,14 @@
 //! Ray queries behind one trait. A backend sees geometry and rays; it never sees materials, lights or the plan.
 //!
-//! Three stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust) and
-//! `embree` (Debian's library, feature `embree`).
+//! Four stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust), [`flat`] (scenes of few
+//! faces, without a hierarchy) and `embree` (Debian's library, feature `embree`).
 
 pub mod batch;
 pub mod brute;
 #[cfg(feature = "embree")]
-#[allow(unsafe_code)] // Fence 1 of 3: the Embree API.
+#[allow(unsafe_code)] // Fence 1 of 4: the Embree API.
 pub mod embree;
+pub mod flat;
 pub mod obvhs;
 pub mod triangle;
 
@@ -72,6 +73,8 @@ pub enum BackendKind {
     Embree,
     /// Pure Rust: a BVH by the `obvhs` crate and our own watertight triangle test.
     Obvhs,
+    /// Sixteen rays at a time against every face, without a hierarchy: small scenes only.
+    Flat,
     /// Every ray against every triangle.
     Brute,
 }
@@ -82,11 +85,28 @@ impl BackendKind {
         match self {
             BackendKind::Embree => "embree",
             BackendKind::Obvhs => "obvhs",
+            BackendKind::Flat => "flat",
             BackendKind::Brute => "brute",
         }
     }
 
-    /// The backends of this build, fastest first.
+    /// Every backend, in the order of the help text.
+    pub const ALL: [BackendKind; 4] = [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Flat, BackendKind::Brute];
+
+    /// Whether this build has the backend and it can trace `geometry`.
+    pub fn traces(self, geometry: &Geometry) -> bool {
+        match self {
+            BackendKind::Flat => flat::can_trace(geometry),
+            _ => BackendKind::available().contains(&self),
+        }
+    }
+
+    /// The fastest backend of this build for `geometry`.
+    pub fn fastest(geometry: &Geometry) -> BackendKind {
+        if flat::suits(geometry) { BackendKind::Flat } else { BackendKind::available()[0] }
+    }
+
+    /// The backends of this build that trace any scene, fastest first.
     pub fn available() -> &'static [BackendKind] {
         if cfg!(feature = "embree") {
             &[BackendKind::Embree, BackendKind::Obvhs, BackendKind::Brute]
@@ -102,8 +122,9 @@ impl FromStr for BackendKind {
         match s {
             "embree" => Ok(BackendKind::Embree),
             "obvhs" => Ok(BackendKind::Obvhs),
+            "flat" => Ok(BackendKind::Flat),
             "brute" => Ok(BackendKind::Brute),
-            _ => Err(format!("'{s}' is not one of embree, obvhs, brute")),
+            _ => Err(format!("'{s}' is not one of embree, obvhs, flat, brute")),
         }
     }
 }
@@ -209,6 +230,7 @@ pub fn build(kind: BackendKind, geometry: &Geometry, options: &BackendOptions) -
             problem: "this build has no Embree (cargo feature `embree` is off); use --backend obvhs".into(),
         }),
         BackendKind::Obvhs => Ok(Box::new(obvhs::Obvhs::build(geometry, options)?)),
+        BackendKind::Flat => Ok(Box::new(flat::Flat::build(geometry, options)?)),
         BackendKind::Brute => Ok(Box::new(brute::Brute::build(geometry))),
     }
 }

@@ -18,7 +18,6 @@ use crate::film::exr::{Picture, read_exr};
 use crate::film::filter::FilterKind;
 use crate::machine::Processor;
 use crate::render::{RenderOptions, Renderer};
-use crate::scene::Scene;
 use crate::study::measure::{self, Request, Step, Study};
 use crate::study::reference::Reference;
 use crate::study::report::{Report, Setup};
@@ -41,8 +40,13 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
     verbosity.warnings(&scene.warnings);
     let load_s = started.elapsed().as_secs_f64();
     let full = job::settings(&args.settings, scene);
-    let base = sized(args, full.clone(), given.as_ref().map(|(_, picture)| picture));
+    let mut base = sized(args, full.clone(), given.as_ref().map(|(_, picture)| picture));
     job::check_memory(&base)?;
+    let renderer = Renderer::new(scene, RenderOptions { spp: Some(1), ..base.clone() })?;
+    let machine = (renderer.plan().threads, backend_text(renderer.backend_info()));
+    // The plan's choice is held through the study, so that techniques differ from it in what they say they do.
+    base.backend = Some(renderer.plan().backend);
+    drop(renderer);
     let reference = given.as_ref().map(|(path, picture)| reference(path, picture, &base)).transpose()?;
     verbosity.note(format_args!(
         "accuracy: {}x{} pixels, {:.0} s; a signal keeps what is measured",
@@ -61,7 +65,7 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
         if signals.exit_code().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
 
-    let setup = setup(args, scene, &request, (full.width, full.height), &study)?;
+    let setup = setup(args, &request, machine, (full.width, full.height), &study);
     let report = Report::new(&study, setup, args.reference.as_ref().map(|path| path.display().to_string()));
     print(&table::text(&report))?;
     if let Some(outputs) = outputs {
@@ -116,29 +120,28 @@ fn reference(path: &Path, picture: &Picture, base: &RenderOptions) -> Result<Ref
 
 fn setup(
     args: &AccuracyArgs,
-    scene: &Scene,
     request: &Request,
+    (threads, backend): (usize, String),
     (render_width, render_height): (u32, u32),
     study: &Study,
-) -> Result<Setup> {
+) -> Setup {
     let base = &request.base;
     let window = base.crop.map_or((base.width, base.height), |crop| (crop.width, crop.height));
-    let renderer = Renderer::new(scene, RenderOptions { spp: Some(1), ..base.clone() })?;
-    Ok(Setup {
+    Setup {
         version: env!("CARGO_PKG_VERSION").into(),
         scene: args.scene.display().to_string(),
         resolution: [window.0, window.1],
         render_resolution: base.crop.map_or([render_width, render_height], |crop| [crop.width, crop.height]),
-        threads: renderer.plan().threads,
+        threads,
         cpu: Processor::detect().name,
-        backend: backend_text(renderer.backend_info()),
+        backend,
         options: settings::describe(base),
         load: load_per_processor(),
         budget_s: request.budget.as_secs_f64(),
         seconds: study.seconds,
         fixed_s: study.fixed_s,
         seeds: [base.seed, base.seed.wrapping_add(1), measure::reference_seed(base.seed)],
-    })
+    }
 }
 
 fn backend_text(info: &BackendInfo) -> String {

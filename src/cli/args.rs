@@ -189,7 +189,7 @@ pub struct SettingsArgs {
     /// Worker threads [default: as many as the process may use: affinity mask, cgroup, SLURM_CPUS_PER_TASK]
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
     pub threads: Option<u32>,
-    /// Ray backend [default: the fastest of this build]
+    /// Ray backend [default: flat for scenes of at most 64 faces, else the fastest of this build]
     #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
     pub backend: Option<BackendKind>,
     /// How rays are handed to the backend; auto lets the plan choose for each class of rays
@@ -484,8 +484,7 @@ fn aov_parser() -> impl TypedValueParser<Value = Aov> {
 }
 
 fn backend_parser() -> impl TypedValueParser<Value = BackendKind> {
-    let all = [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Brute];
-    PossibleValuesParser::new(all.map(BackendKind::name)).try_map(|s| s.parse())
+    PossibleValuesParser::new(BackendKind::ALL.map(BackendKind::name)).try_map(|s| s.parse())
 }
 
 fn rays_parser() -> impl TypedValueParser<Value = Rays> {

@@ -29,7 +29,7 @@ pub fn run() -> Result<u8> {
     lines.push(format!("threads     {}", job::default_threads()));
 
     let mut usable = 0;
-    for kind in [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Brute] {
+    for kind in BackendKind::ALL {
         let built = backend::build(kind, &Geometry::default(), &BackendOptions::with_mode(QueryMode::Stream));
         usable += usize::from(built.is_ok());
         lines.push(format!("{:<11} {}", kind.name(), describe(built.as_ref().map(|b| b.info()))));

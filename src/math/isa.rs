@@ -17,3 +17,47 @@ pub fn has_avx512() -> bool {
 pub fn has_avx512() -> bool {
     false
 }
+
+/// Name of what [`widest`] runs, as Embree spells it.
+pub fn name(wide: bool) -> &'static str {
+    match (wide, cfg!(target_arch = "x86_64")) {
+        (true, _) => "avx512",
+        (false, true) => "avx2",
+        (false, false) => std::env::consts::ARCH,
+    }
+}
+
+/// A computation that is compiled twice: for the build's baseline and for AVX-512. `run` is to be `#[inline(always)]`, and all that
+/// it calls in its loops.
+pub trait Widened {
+    /// What comes out.
+    type Output;
+    /// Computes it.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs `work` as compiled for AVX-512 if `wide`, which must come from [`has_avx512`]; else, and on other processors, for the
+/// baseline.
+#[inline(always)]
+pub fn widest<W: Widened>(wide: bool, work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    if wide {
+        debug_assert!(has_avx512());
+        // SAFETY: the processor has the extensions, see above.
+        return unsafe { avx512(work) };
+    }
+    let _ = wide;
+    baseline(work)
+}
+
+#[inline(never)]
+fn baseline<W: Widened>(work: W) -> W::Output {
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx512vbmi,gfni")]
+fn avx512<W: Widened>(work: W) -> W::Output {
+    work.run()
+}

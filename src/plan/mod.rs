@@ -143,10 +143,7 @@ impl RenderPlan {
             return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
         }
         let camera = resolve_camera(scene, &options.camera)?;
-        let backend = options.backend.unwrap_or(BackendKind::available()[0]);
-        if !BackendKind::available().contains(&backend) {
-            return refuse("--backend", format!("{} is not in this build; use obvhs or brute", backend.name()));
-        }
+        let backend = resolve_backend(geometry, options)?;
 
         let (mut features, effects) = effects::find(scene, options, camera, !geometry.instances.is_empty());
         let lens = options.lens.filter(|_| features.lens);
@@ -233,6 +230,19 @@ impl fmt::Display for RenderPlan {
         }
         Ok(())
     }
+}
+
+/// The backend that is asked for, else the fastest for the scene that does all that is asked for.
+fn resolve_backend(geometry: &Geometry, options: &RenderOptions) -> Result<BackendKind> {
+    // Query modes, instruction sets and traversals are Embree's business.
+    let particular = options.rays.is_some() || options.isa.is_some() || !options.robust;
+    let Some(backend) = options.backend else {
+        return Ok(if particular { BackendKind::available()[0] } else { BackendKind::fastest(geometry) });
+    };
+    if backend != BackendKind::Flat && !BackendKind::available().contains(&backend) {
+        return refuse("--backend", format!("{} is not in this build; use obvhs, flat or brute", backend.name()));
+    }
+    Ok(backend)
 }
 
 fn refuse<T>(option: &'static str, problem: String) -> Result<T> {

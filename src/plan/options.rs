@@ -175,7 +175,8 @@ pub struct RenderOptions {
     pub sampler: SamplerKind,
     /// How textures are looked up.
     pub texture_filter: TextureFilter,
-    /// Ray backend; `None` takes the fastest of this build.
+    /// Ray backend; `None` takes the fastest of this build for the scene ([`BackendKind::fastest`]), or the first of
+    /// [`BackendKind::available`] if `rays`, `isa` or `robust` ask for something that only Embree has.
     pub backend: Option<BackendKind>,
     /// Query mode for every ray class; `None` lets the plan choose.
     pub rays: Option<QueryMode>,

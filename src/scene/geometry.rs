@@ -91,6 +91,15 @@ pub struct TriangleMesh {
     pub first_triangle: u32,
 }
 
+impl TriangleMesh {
+    /// The triangles that can be traced, with their corners. Those without area and indices out of range are left out.
+    pub(crate) fn traced(&self) -> impl Iterator<Item = (u32, [Vec3; 3])> {
+        let corner = |i: u32| self.vertices.get(i as usize).copied().unwrap_or(Vec3::NAN);
+        let all = (0u32..).zip(&self.indices).map(move |(prim, triangle)| (prim, triangle.map(corner)));
+        all.filter(|(_, corners)| !is_degenerate(corners))
+    }
+}
+
 /// A mesh placed with a transform of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {

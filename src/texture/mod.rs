@@ -9,7 +9,7 @@ mod crates;
 pub mod decode;
 pub mod load;
 #[cfg(feature = "oiio")]
-#[allow(unsafe_code)] // Fence 2 of 3: the shim over OpenImageIO.
+#[allow(unsafe_code)] // Fence 2 of 4: the shim over OpenImageIO.
 pub mod oiio;
 mod pyramid;
 #[cfg(feature = "oiio")]

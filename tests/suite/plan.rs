@@ -4,7 +4,7 @@
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use pathspace::Scene;
-use pathspace::backend::BackendKind;
+use pathspace::backend::{BackendKind, QueryMode};
 use pathspace::plan::Gate;
 use pathspace::render::{Lens, RenderOptions, Renderer, Strategy};
 use pathspace::scene::builder::SceneBuilder;
@@ -252,4 +252,27 @@ fn the_hidden_flag_runs_every_stage_and_changes_no_bit() {
     });
     assert_eq!(stats[0]["film_hash"], stats[1]["film_hash"]);
     assert_eq!(stats[0]["effects"], stats[1]["effects"], "forcing finds no effect");
+}
+
+/// Small scenes are traced without a hierarchy; whoever asks for what only Embree has, or for more faces, gets a hierarchy.
+#[test]
+fn small_scenes_take_no_hierarchy() {
+    let first = BackendKind::available()[0];
+    let taken = |scene: &Scene, options: RenderOptions| Renderer::new(scene, options).expect("renders").plan().backend;
+    let small = diffuse();
+    assert_eq!(taken(&small, options(8, 8, 1)), BackendKind::Flat);
+    let rays = RenderOptions { rays: Some(QueryMode::Packet8), ..options(8, 8, 1) };
+    assert_eq!(taken(&small, rays), first);
+    assert_eq!(
+        taken(&small, RenderOptions { backend: Some(BackendKind::Obvhs), ..options(8, 8, 1) }),
+        BackendKind::Obvhs
+    );
+    let mut builder = SceneBuilder::new();
+    room(&mut builder);
+    let paper = builder.lambert(Vec3::ONE);
+    for i in 0..60 {
+        let at = Vec3::new(0.0, 0.0, 0.01 * i as f32);
+        builder.quad([at, at + Vec3::X, at + Vec3::X + Vec3::Y, at + Vec3::Y], paper);
+    }
+    assert_eq!(taken(&builder.build(), options(8, 8, 1)), first, "65 faces");
 }

@@ -33,8 +33,12 @@ pub(crate) enum Rule {
 }
 
 /// One line per backend: what it is held to. `brute` is held against f64, the others against `brute`.
-const RULES: [(BackendKind, Rule); 3] =
-    [(BackendKind::Embree, Rule::Rounding), (BackendKind::Obvhs, Rule::Exact), (BackendKind::Brute, Rule::Rounding)];
+const RULES: [(BackendKind, Rule); 4] = [
+    (BackendKind::Embree, Rule::Rounding),
+    (BackendKind::Obvhs, Rule::Exact),
+    (BackendKind::Flat, Rule::Rounding),
+    (BackendKind::Brute, Rule::Rounding),
+];
 
 /// One ray.
 #[derive(Clone, Copy, Debug)]
@@ -107,11 +111,14 @@ impl Row {
     }
 }
 
-/// The backends of this build in every mode.
+/// The backends of this build in every mode; `flat` among them, which does not trace every geometry.
 pub(crate) fn rows() -> Vec<Row> {
     let skip = std::env::var("PATHSPACE_SKIP_BACKENDS").unwrap_or_default();
     let mut rows = Vec::new();
-    for &kind in BackendKind::available() {
+    for kind in BackendKind::ALL {
+        if !BackendKind::available().contains(&kind) && kind != BackendKind::Flat {
+            continue;
+        }
         if skip.split(',').any(|name| name == kind.name()) {
             eprintln!("conformance: {} is left out by PATHSPACE_SKIP_BACKENDS", kind.name());
             continue;
@@ -122,15 +129,25 @@ pub(crate) fn rows() -> Vec<Row> {
     rows
 }
 
-/// [`rows`] without those that trace like an earlier one: all that a picture can be rendered with.
+/// [`rows`] without those that trace like an earlier one and without `flat`: all that any picture can be rendered with.
 pub(crate) fn variants() -> Vec<Row> {
-    let mut variants = rows();
-    variants.dedup_by_key(|row| row.name());
+    let mut variants = tracers();
+    variants.retain(|row| row.kind != BackendKind::Flat);
     variants
 }
 
-/// Builds a row's backend; `None` if it traces this mode by the code of an earlier one.
+/// [`variants`] and `flat`, where [`BackendKind::traces`] says so.
+pub(crate) fn tracers() -> Vec<Row> {
+    let mut tracers = rows();
+    tracers.dedup_by_key(|row| row.name());
+    tracers
+}
+
+/// Builds a row's backend; `None` if it traces this mode by the code of an earlier one, or this geometry not at all.
 fn build(row: &Row, geometry: &Geometry, traced: &mut Vec<(BackendKind, &'static str)>) -> Option<Box<dyn Backend>> {
+    if !row.kind.traces(geometry) {
+        return None;
+    }
     let built = backend::build(row.kind, geometry, &BackendOptions::with_mode(row.mode)).expect("the backend builds");
     let info = built.info();
     assert_eq!(info.kind, row.kind);

@@ -9,10 +9,11 @@ use super::Case;
 /// One way to trace rays.
 #[derive(Clone)]
 pub struct Mode {
-    /// As `embree/packet16`; backends that know one way only go by their own name.
+    /// As `embree/packet16`; backends that know one way only go by their own name; `auto` is what a render takes by itself:
+    /// `flat` for scenes of few faces, else the first of the others.
     pub name: String,
-    backend: BackendKind,
-    rays: QueryMode,
+    backend: Option<BackendKind>,
+    rays: Option<QueryMode>,
 }
 
 impl Mode {
@@ -27,19 +28,23 @@ impl Mode {
                 BackendKind::Embree => format!("{}/{rays}", backend.name()),
                 _ => backend.name().into(),
             };
-            modes.iter().map(move |&rays| Mode { name: name(rays), backend, rays }).collect::<Vec<_>>()
+            modes
+                .iter()
+                .map(move |&rays| Mode { name: name(rays), backend: Some(backend), rays: Some(rays) })
+                .collect::<Vec<_>>()
         };
-        BackendKind::available().iter().flat_map(of).collect()
+        let auto = Mode { name: "auto".into(), backend: None, rays: None };
+        BackendKind::available().iter().flat_map(of).chain([auto]).collect()
     }
 
-    /// Whether this is what the build renders with by default: it gets the full number of samples.
+    /// Whether this is what most scenes are rendered with by default: it gets the full number of samples.
     pub fn is_main(&self) -> bool {
-        self.backend == BackendKind::available()[0] && self.rays == QueryMode::Packet16
+        self.backend == Some(BackendKind::available()[0]) && self.rays == Some(QueryMode::Packet16)
     }
 
     /// Whether every ray meets every triangle: for small scenes only.
     pub fn is_brute(&self) -> bool {
-        self.backend == BackendKind::Brute
+        self.backend == Some(BackendKind::Brute)
     }
 
     /// `full` on the main mode, `reduced` on the others.
@@ -49,7 +54,7 @@ impl Mode {
 
     /// `options` on this backend and in this mode.
     pub fn options(&self, options: RenderOptions) -> RenderOptions {
-        RenderOptions { backend: Some(self.backend), rays: Some(self.rays), ..options }
+        RenderOptions { backend: self.backend, rays: self.rays, ..options }
     }
 }
 

@@ -1,0 +1,175 @@
+//! The faces of a scene: triangles and parallelograms, with what the loops over them read.
+
+use glam::Vec3;
+
+use crate::scene::geometry::{Geometry, TriangleMesh};
+
+/// How far, over the largest coordinate, the fourth corner of a pair of triangles may lie from where a parallelogram has
+/// it: four roundings.
+const CORNER: f32 = 1.0 / (1u32 << 22) as f32;
+
+/// A face with `N` edges, as the loop over rays reads it. A ray of direction d and moment r = o × d passes the edge a → b on the
+/// side of the sign of e·r + m·d, with e = (b − a)/|b − a| and m = a × e (Plücker coordinates): the lines' distance times the
+/// sine of the angle between them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Face<const N: usize> {
+    /// e and m of each edge.
+    pub edges: [[f32; 6]; N],
+    /// The least height of the triangle at `corner` over its edges, metres.
+    pub height: f32,
+    /// A corner.
+    pub corner: [f32; 3],
+    /// Unit normal.
+    pub normal: [f32; 3],
+}
+
+/// What the hit of a face is computed from: a corner c and its neighbours a and b, with the winding c → a → b.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub c: [f32; 3],
+    /// a − c.
+    pub ca: [f32; 3],
+    /// b − c.
+    pub cb: [f32; 3],
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Triangle (c, a, b), and (a + b − c, b, a) or the same again.
+    pub prim: [u32; 2],
+    /// Which of (c, a, b), or of (a + b − c, b, a), is the triangle's first vertex.
+    pub first: [u32; 2],
+}
+
+/// All faces: parallelograms first.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Faces {
+    pub quads: Vec<Face<4>>,
+    pub triangles: Vec<Face<3>>,
+    /// One for each face, in their order, and one more.
+    pub corners: Vec<Corner>,
+    /// Largest sum of a corner's coordinates, metres.
+    pub reach: f32,
+}
+
+/// Three corners and the triangle that has them.
+#[derive(Clone, Copy)]
+struct Triangle {
+    prim: u32,
+    v: [Vec3; 3],
+}
+
+impl Faces {
+    /// Of the world mesh. Triangles without area and indices out of range are left out.
+    pub fn new(geometry: &Geometry) -> Self {
+        let none = TriangleMesh::default();
+        let mesh = geometry.meshes.first().unwrap_or(&none);
+        let mut left: Vec<Triangle> = mesh.traced().map(|(prim, v)| Triangle { prim, v }).collect();
+        left.reverse();
+        let (mut quads, mut triangles) = (Vec::new(), Vec::new());
+        while let Some(first) = left.pop() {
+            let partner = left.iter().enumerate().rev().find_map(|(i, second)| Some((i, joined(&first, second)?)));
+            match partner {
+                Some((i, face)) => {
+                    left.remove(i);
+                    quads.push(face);
+                }
+                None => triangles.push(face([first.v[0], first.v[1], first.v[2]], [first.prim; 2], [0; 2])),
+            }
+        }
+        let corners = quads.iter().map(|quad| quad.1).chain(triangles.iter().map(|triangle| triangle.1));
+        let nothing = Corner { c: [0.0; 3], ca: [0.0; 3], cb: [0.0; 3], normal: [0.0; 3], prim: [0; 2], first: [0; 2] };
+        let corners = corners.chain([nothing]).collect();
+        let (quads, triangles) =
+            (quads.into_iter().map(|quad| quad.0).collect(), triangles.into_iter().map(|t| t.0).collect());
+        let reach = mesh.traced().flat_map(|(_, v)| v).map(|v| v.abs().element_sum()).fold(0.0, f32::max);
+        Faces { quads, triangles, corners, reach }
+    }
+
+    pub fn count(&self) -> usize {
+        self.quads.len() + self.triangles.len()
+    }
+
+    /// Triangles in all faces.
+    pub fn triangles(&self) -> u64 {
+        (2 * self.quads.len() + self.triangles.len()) as u64
+    }
+
+    pub fn bytes(&self) -> u64 {
+        let of = size_of_val::<[Face<4>]>(&self.quads) + size_of_val::<[Face<3>]>(&self.triangles);
+        (of + size_of_val::<[Corner]>(&self.corners)) as u64
+    }
+}
+
+/// The face of two triangles that make a parallelogram, neighbours along one edge and turned to the same side.
+fn joined(first: &Triangle, second: &Triangle) -> Option<(Face<4>, Corner)> {
+    for i in 0..3 {
+        // c is the corner of the first that the second has not.
+        let (c, a, b) = (first.v[i], first.v[(i + 1) % 3], first.v[(i + 2) % 3]);
+        for j in 0..3 {
+            let (d, b2, a2) = (second.v[j], second.v[(j + 1) % 3], second.v[(j + 2) % 3]);
+            let reach = [a, b, c, d].iter().fold(0.0f32, |m, v| m.max(v.abs().max_element()));
+            if a == a2 && b == b2 && (d - (a + b - c)).abs().max_element() <= CORNER * reach {
+                // (c, a, b) begins with vertex (3 − i) mod 3 counted from c; so for the other.
+                let turns = [(3 - i) as u32 % 3, (3 - j) as u32 % 3];
+                return Some(face([c, a, d, b], [first.prim, second.prim], turns));
+            }
+        }
+    }
+    None
+}
+
+/// The face with these corners in their winding. Products are formed in f64 and rounded once.
+fn face<const N: usize>(corners: [Vec3; N], prim: [u32; 2], first: [u32; 2]) -> (Face<N>, Corner) {
+    let exact = corners.map(|v| v.as_dvec3());
+    let (c, a, b) = (exact[0], exact[1], exact[N - 1]);
+    let normal = (a - c).cross(b - c);
+    let longest = [(a - c).length(), (b - c).length(), (b - a).length()].into_iter().fold(0.0, f64::max);
+    let height = (normal.length() / longest) as f32;
+    let normal = normal.normalize().as_vec3().to_array();
+    let edges = std::array::from_fn(|i| {
+        let (from, to) = (exact[i], exact[(i + 1) % N]);
+        // Formed from the same end for both owners of the edge, so that their numbers differ in the sign alone.
+        let turned = to.to_array() < from.to_array();
+        let (low, high) = if turned { (to, from) } else { (from, to) };
+        let unit = (high - low).normalize() * if turned { -1.0 } else { 1.0 };
+        let (e, m) = (unit.as_vec3(), low.cross(unit).as_vec3());
+        [e.x, e.y, e.z, m.x, m.y, m.z]
+    });
+    let (ca, cb) = ((a - c).as_vec3().to_array(), (b - c).as_vec3().to_array());
+    let c = corners[0].to_array();
+    (Face { edges, height, corner: c, normal }, Corner { c, ca, cb, normal, prim, first })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mesh(indices: &[[u32; 3]], lift: f32) -> Geometry {
+        let vertices = vec![Vec3::ZERO, Vec3::X * 2.0, Vec3::new(2.0, 1.0, lift), Vec3::Y];
+        let mesh = TriangleMesh { vertices, indices: indices.to_vec(), first_triangle: 0 };
+        Geometry { meshes: vec![mesh], ..Geometry::default() }
+    }
+
+    /// Oracle: a rectangle of two triangles, in every order of their vertices; bent or turned over it is none.
+    #[test]
+    fn parallelograms_are_one_face() {
+        for i in 0..3 {
+            for j in 0..3 {
+                let mut indices = [[0, 1, 3], [2, 3, 1]];
+                indices[0].rotate_left(i);
+                indices[1].rotate_left(j);
+                let faces = Faces::new(&mesh(&indices, 0.0));
+                assert_eq!((faces.quads.len(), faces.triangles.len()), (1, 0), "{indices:?}");
+                let corner = &faces.corners[0];
+                let at = indices[0].map(|k| k as usize);
+                let (c, v) = (Vec3::from(corner.c), mesh(&indices, 0.0).meshes[0].vertices.clone());
+                let around = [c, c + Vec3::from(corner.ca), c + Vec3::from(corner.cb)];
+                assert_eq!(around[corner.first[0] as usize], v[at[0]]);
+                let around = [around[1] + around[2] - c, around[2], around[1]];
+                assert_eq!(around[corner.first[1] as usize], v[indices[1][0] as usize]);
+            }
+        }
+        assert_eq!(Faces::new(&mesh(&[[0, 1, 3], [2, 3, 1]], 1e-3)).quads.len(), 0);
+        assert_eq!(Faces::new(&mesh(&[[0, 1, 3], [2, 1, 3]], 0.0)).quads.len(), 0);
+    }
+}
