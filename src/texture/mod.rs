@@ -7,6 +7,7 @@
 
 mod crates;
 pub mod decode;
+mod lanes;
 pub mod load;
 #[cfg(feature = "oiio")]
 #[allow(unsafe_code)] // Fence 2 of 3: the shim over OpenImageIO.
@@ -23,6 +24,7 @@ pub mod udim;
 
 use glam::{Vec2, Vec4};
 
+pub use lanes::lookup_lanes;
 pub use srgb::SRGB_TO_LINEAR;
 pub use stats::{TextureStats, take_lookups};
 pub use texels::{ColorSpace, Plane, Rows, Texels, Texture, Wrap};
@@ -132,29 +134,15 @@ impl Taps {
     /// For a level of that size.
     #[inline(always)]
     fn new(texture: &Texture, width: usize, height: usize, uv: Vec2) -> Self {
-        let x = texel_coordinate(uv.x, width, texture.wrap_u);
-        let y = texel_coordinate(uv.y, height, texture.wrap_v);
-        if !texture.bilinear {
-            let column = wrapped(x as i32, width, texture.wrap_u);
-            let row = wrapped(y as i32, height, texture.wrap_v);
-            return Taps {
-                columns: [column; 2],
-                rows: [row; 2],
-                right_weight: 0.0,
-                bottom_weight: 0.0,
-                bilinear: false,
-            };
-        }
-        // Texel centres lie half a texel inside.
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let (i, j) = (left as i32, top as i32);
+        let bilinear = u32::from(texture.bilinear);
+        let x = Pair::new(uv.x, width as i32, texture.wrap_u as u32, bilinear);
+        let y = Pair::new(uv.y, height as i32, texture.wrap_v as u32, bilinear);
         Taps {
-            columns: [wrapped(i, width, texture.wrap_u), wrapped(i + 1, width, texture.wrap_u)],
-            rows: [wrapped(j, height, texture.wrap_v), wrapped(j + 1, height, texture.wrap_v)],
-            right_weight: x - left,
-            bottom_weight: y - top,
-            bilinear: true,
+            columns: [x.first as usize, x.second as usize],
+            rows: [y.first as usize, y.second as usize],
+            right_weight: x.weight,
+            bottom_weight: y.weight,
+            bilinear: texture.bilinear,
         }
     }
 
@@ -171,31 +159,55 @@ impl Taps {
     }
 }
 
+/// The two columns or the two rows that a look-up reads, each at least 0 and below the size. Without branches, and all in
+/// 32 bits, so that loops over many coordinates become vector code.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    first: i32,
+    second: i32,
+    /// Of the second; 0 without interpolation, where both are the same.
+    weight: f32,
+}
+
+impl Pair {
+    /// At the coordinate `t` of an image of `size` columns or rows, 1 to [`decode::MOST_TEXELS`]. `wrap` is a [`Wrap`];
+    /// `bilinear` is 1 or 0.
+    #[inline(always)]
+    fn new(t: f32, size: i32, wrap: u32, bilinear: u32) -> Self {
+        let x = texel_coordinate(t, size, wrap);
+        // Texel centres lie half a texel inside.
+        let shifted = if bilinear != 0 { x - 0.5 } else { x };
+        let floor = shifted.floor();
+        let place = floor as i32;
+        Pair {
+            first: wrapped(place, size, wrap),
+            second: wrapped(place + bilinear as i32, size, wrap),
+            weight: if bilinear != 0 { shifted - floor } else { 0.0 },
+        }
+    }
+}
+
 /// `t` folded to one period and scaled to texels: [0, size], or [0, 2·size] when mirrored.
 #[inline(always)]
-fn texel_coordinate(t: f32, size: usize, wrap: Wrap) -> f32 {
-    let t = if t.is_finite() { t } else { 0.0 };
-    let folded = match wrap {
-        // Rounding may yield the period itself (−1e-9 gives 1): `wrapped` folds that column, too.
-        Wrap::Repeat => t - t.floor(),
-        Wrap::MirroredRepeat => t - 2.0 * (0.5 * t).floor(),
-        Wrap::ClampToEdge => t.clamp(0.0, 1.0),
-    };
+fn texel_coordinate(t: f32, size: i32, wrap: u32) -> f32 {
+    let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
+    // Rounding may yield the period itself (−1e-9 gives 1): `wrapped` folds that column, too.
+    let repeated = t - t.floor();
+    let mirrored = t - 2.0 * (0.5 * t).floor();
+    let clamped = t.clamp(0.0, 1.0);
+    let folded = if wrap == Wrap::Repeat as u32 { repeated } else { clamped };
+    let folded = if wrap == Wrap::MirroredRepeat as u32 { mirrored } else { folded };
     folded * size as f32
 }
 
 /// Column or row of the texel numbered `place`, an integer from −1 to the period: one step outside at most, so that no
-/// division is needed. Sizes are at most [`decode::MOST_TEXELS`].
+/// division is needed.
 #[inline(always)]
-fn wrapped(place: i32, size: usize, wrap: Wrap) -> usize {
-    let size = size as i32;
-    let period = if wrap == Wrap::MirroredRepeat { 2 * size } else { size };
-    let folded = match wrap {
-        Wrap::ClampToEdge => place.clamp(0, size - 1),
-        _ if place < 0 => place + period,
-        _ if place >= period => place - period,
-        _ => place,
-    };
+fn wrapped(place: i32, size: i32, wrap: u32) -> i32 {
+    let period = if wrap == Wrap::MirroredRepeat as u32 { 2 * size } else { size };
+    let above = if place >= period { place - period } else { place };
+    let folded = if place < 0 { place + period } else { above };
     // The second half of a mirrored period runs backwards.
-    if folded < size { folded as usize } else { (period - 1 - folded) as usize }
+    let folded = if folded < size { folded } else { period - 1 - folded };
+    if wrap == Wrap::ClampToEdge as u32 { place.clamp(0, size - 1) } else { folded }
 }
