@@ -209,5 +209,6 @@ fn wrapped(place: i32, size: i32, wrap: u32) -> i32 {
     let folded = if place < 0 { place + period } else { above };
     // The second half of a mirrored period runs backwards.
     let folded = if folded < size { folded } else { period - 1 - folded };
-    if wrap == Wrap::ClampToEdge as u32 { place.clamp(0, size - 1) } else { folded }
+    // Not `clamp`, whose check of the bounds is a branch.
+    if wrap == Wrap::ClampToEdge as u32 { place.max(0).min(size - 1) } else { folded }
 }

@@ -253,7 +253,8 @@ impl EnvironmentLight {
         let (mut fx, mut fy) = ([0.0; N], [0.0; N]);
         for i in 0..N {
             let x = points.u[i] * width as f32 - 0.5;
-            let y = (points.v[i] * height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
+            // Not `clamp`, whose check of the bounds is a branch.
+            let y = (points.v[i] * height as f32 - 0.5).max(0.0).min((height - 1) as f32);
             (fx[i], fy[i]) = (x - x.floor(), y - y.floor());
             let (column, row) = (x.floor() as i32, y.floor() as i32);
             left[i] = if column < 0 { width - 1 } else { column.min(width - 1) };
