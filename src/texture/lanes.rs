@@ -6,7 +6,7 @@
 use glam::Vec2;
 
 use super::stats::count_lookups;
-use super::{ColorSpace, Pair, SRGB_TO_LINEAR, Texels, Texture, Wrap, lookup};
+use super::{ColorSpace, Pair, Plane, SRGB_TO_LINEAR, Texels, Texture, Wrap, lookup};
 
 /// What lanes without an image read.
 const NOTHING: &[[u8; 4]] = &[[0; 4]];
@@ -14,6 +14,9 @@ const NOTHING: &[[u8; 4]] = &[[0; 4]];
 /// The images of `N` lanes as columns.
 struct Planes<'a, const N: usize> {
     texels: [&'a [[u8; 4]]; N],
+    /// Of [`Plane`].
+    stride: [u32; N],
+    offset: [u32; N],
     width: [i32; N],
     height: [i32; N],
     wrap_u: [u32; N],
@@ -31,6 +34,8 @@ pub fn lookup_lanes<const N: usize>(
 ) -> [[f32; N]; 3] {
     let mut planes = Planes {
         texels: [NOTHING; N],
+        stride: [1; N],
+        offset: [0; N],
         width: [1; N],
         height: [1; N],
         wrap_u: [Wrap::Repeat as u32; N],
@@ -40,11 +45,12 @@ pub fn lookup_lanes<const N: usize>(
     let (mut here, mut elsewhere) = (0, false);
     for i in 0..N {
         let Some(texture) = textures[i] else { continue };
-        let Some(texels) = in_columns(texture, color_space) else {
+        let Some(plane) = in_columns(texture, color_space) else {
             elsewhere = true;
             continue;
         };
-        planes.texels[i] = texels;
+        planes.texels[i] = &plane.base;
+        (planes.stride[i], planes.offset[i]) = (plane.stride as u32, plane.offset as u32);
         (planes.width[i], planes.height[i]) = (texture.width as i32, texture.height as i32);
         (planes.wrap_u[i], planes.wrap_v[i]) = (texture.wrap_u as u32, texture.wrap_v as u32);
         planes.bilinear[i] = u32::from(texture.bilinear);
@@ -64,12 +70,12 @@ pub fn lookup_lanes<const N: usize>(
     rgb
 }
 
-/// The texels of an image that is looked up in columns: 8 bits a channel, in memory, numbered by 32 bits.
+/// The image of a texture that is looked up in columns: 8 bits a channel, in memory, numbered by 32 bits.
 #[inline(always)]
-fn in_columns(texture: &Texture, color_space: ColorSpace) -> Option<&[[u8; 4]]> {
+fn in_columns(texture: &Texture, color_space: ColorSpace) -> Option<&Plane<[u8; 4]>> {
     match &texture.texels {
         Texels::Eight(plane) => {
-            (texture.color_space == color_space && plane.base.len() <= u32::MAX as usize).then_some(&*plane.base)
+            (texture.color_space == color_space && plane.base.len() <= u32::MAX as usize).then_some(plane)
         }
         _ => None,
     }
@@ -86,10 +92,11 @@ impl<const N: usize> Planes<'_, N> {
             let y = Pair::new(v[i], self.height[i], self.wrap_v[i], self.bilinear[i]);
             let (left, beside) = (x.first as u32, x.second as u32);
             let (upper, lower) = (y.first as u32 * self.width[i] as u32, y.second as u32 * self.width[i] as u32);
-            places[0][i] = upper + left;
-            places[1][i] = upper + beside;
-            places[2][i] = lower + left;
-            places[3][i] = lower + beside;
+            let place = |column: u32, row: u32| (row + column) * self.stride[i] + self.offset[i];
+            places[0][i] = place(left, upper);
+            places[1][i] = place(beside, upper);
+            places[2][i] = place(left, lower);
+            places[3][i] = place(beside, lower);
             (right[i], bottom[i]) = (x.weight, y.weight);
         }
         let mut taps = [[0u32; N]; 4];

@@ -12,6 +12,7 @@ pub mod load;
 #[cfg(feature = "oiio")]
 #[allow(unsafe_code)] // Fence 2 of 3: the shim over OpenImageIO.
 pub mod oiio;
+mod plane;
 mod pyramid;
 #[cfg(feature = "oiio")]
 mod scratch;
@@ -21,27 +22,36 @@ mod stats;
 pub mod stored;
 mod texels;
 pub mod udim;
+mod weave;
 
 use glam::{Vec2, Vec4};
 
 pub use lanes::lookup_lanes;
+pub use plane::Plane;
 pub use srgb::SRGB_TO_LINEAR;
 pub use stats::{TextureStats, take_lookups};
-pub use texels::{ColorSpace, Plane, Rows, Texels, Texture, Wrap};
+pub use texels::{ColorSpace, Rows, Texels, Texture, Wrap};
+pub use weave::weave;
 
 /// Value of a texture at `uv`: RGB in linear units, alpha as stored; all within 0 and 1 unless the image holds floats.
 #[inline]
 pub fn lookup(texture: &Texture, uv: Vec2) -> Vec4 {
     stats::count_lookup();
+    lookup_base(texture, uv)
+}
+
+/// [`lookup`] that is not counted.
+#[inline(always)]
+fn lookup_base(texture: &Texture, uv: Vec2) -> Vec4 {
     match (&texture.texels, texture.color_space) {
         (Texels::Eight(plane), ColorSpace::Linear) => {
-            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| linear(plane.base[y * texture.width + x]))
+            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| linear(plane.at(y * texture.width + x)))
         }
         (Texels::Eight(plane), ColorSpace::Srgb) => {
-            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| srgb(plane.base[y * texture.width + x]))
+            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| srgb(plane.at(y * texture.width + x)))
         }
         (Texels::Float(plane), _) => Taps::new(texture, texture.width, texture.height, uv)
-            .mix(|x, y| Vec4::from_array(plane.base[y * texture.width + x])),
+            .mix(|x, y| Vec4::from_array(plane.at(y * texture.width + x))),
         _ => lookup_elsewhere(texture, uv),
     }
 }
@@ -67,24 +77,19 @@ pub fn lookup_filtered(texture: &Texture, uv: Vec2, width: f32) -> Vec4 {
 }
 
 fn lookup_level(texture: &Texture, level: usize, uv: Vec2) -> Vec4 {
+    let Some(coarser) = level.checked_sub(1) else { return lookup_base(texture, uv) };
     match &texture.texels {
         Texels::Eight(plane) => {
-            let (width, height, texels) = match level.checked_sub(1) {
-                None => (texture.width, texture.height, &plane.base[..]),
-                Some(i) => (plane.levels()[i].0, plane.levels()[i].1, &plane.levels()[i].2[..]),
-            };
-            let taps = Taps::new(texture, width, height, uv);
+            let (width, height, texels) = &plane.levels()[coarser];
+            let taps = Taps::new(texture, *width, *height, uv);
             match texture.color_space {
                 ColorSpace::Linear => taps.mix(|x, y| linear(texels[y * width + x])),
                 ColorSpace::Srgb => taps.mix(|x, y| srgb(texels[y * width + x])),
             }
         }
         Texels::Float(plane) => {
-            let (width, height, texels) = match level.checked_sub(1) {
-                None => (texture.width, texture.height, &plane.base[..]),
-                Some(i) => (plane.levels()[i].0, plane.levels()[i].1, &plane.levels()[i].2[..]),
-            };
-            Taps::new(texture, width, height, uv).mix(|x, y| Vec4::from_array(texels[y * width + x]))
+            let (width, height, texels) = &plane.levels()[coarser];
+            Taps::new(texture, *width, *height, uv).mix(|x, y| Vec4::from_array(texels[y * width + x]))
         }
         #[cfg(feature = "oiio")]
         Texels::Stored(stored) => stored.lookup_level(texture, level, uv),
