@@ -4,5 +4,6 @@ pub mod angle;
 pub mod float;
 pub mod frame;
 pub mod isa;
+pub mod lanes;
 pub mod table;
 pub mod warp;

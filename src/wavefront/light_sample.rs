@@ -1,7 +1,7 @@
 //! Light samples for sixteen receivers. One area light is sampled in columns; lights that have to be chosen, and other
 //! kinds, lane by lane: the numbers are those of [`Lights::sample`](crate::shading::light::Lights::sample).
 
-use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, get, set};
+use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set};
 use super::{Context, emission};
 use crate::backend::batch::LANES;
 use crate::shading::light::environment::EnvironmentLight;
@@ -79,7 +79,7 @@ impl LightLanes {
             self.pdf_sa[i] = if usable { drawn.pdf_sa[i] } else { 0.0 };
         }
         self.wi = drawn.wi;
-        self.radiance = environment.lookup(&drawn.points);
+        self.radiance = environment.lookup(&drawn.points, bits(active));
         self.infinite = [1; LANES];
     }
 

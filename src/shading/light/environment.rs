@@ -18,6 +18,7 @@ use glam::Vec3;
 use super::{LightSample, channel_mean, is_radiance};
 use crate::error::{Error, Result};
 use crate::math::angle::{atan2_turns, sin_cos_turns};
+use crate::math::lanes::lanes_of;
 use crate::math::table::{Distribution2D, TableError};
 use crate::scene::light::Environment;
 
@@ -140,7 +141,7 @@ impl EnvironmentLight {
         LightSample {
             wi: Vec3::from_array(drawn.wi.map(|[axis]| axis)),
             target: None,
-            radiance: Vec3::from_array(self.lookup(&drawn.points).map(|[channel]| channel)),
+            radiance: Vec3::from_array(self.lookup(&drawn.points, 1).map(|[channel]| channel)),
             texture_point: None,
             pdf_sa: drawn.pdf_sa[0],
             delta: false,
@@ -190,19 +191,19 @@ impl EnvironmentLight {
     /// Density of [`sample`](Self::sample) for the direction of a point of the map.
     #[inline(always)]
     fn pdf_at(&self, point: MapPoint) -> f32 {
-        self.pdfs(&MapPoints { u: [point.u], v: [point.v] })[0]
+        self.pdfs(&MapPoints { u: [point.u], v: [point.v] }, 1)[0]
     }
 
-    /// Densities of [`sample`](Self::sample) for the directions of points of the map.
+    /// Densities of [`sample`](Self::sample) for the directions of points of the map, at the lanes of the bit mask `lanes`.
     #[inline(always)]
-    pub fn pdfs<const N: usize>(&self, points: &MapPoints<N>) -> [f32; N] {
+    pub fn pdfs<const N: usize>(&self, points: &MapPoints<N>, lanes: u16) -> [f32; N] {
         let (mut columns, mut rows) = ([0; N], [0; N]);
         for i in 0..N {
             columns[i] = ((points.u[i] * self.width as f32) as i32).min(self.width as i32 - 1);
             rows[i] = ((points.v[i] * self.height as f32) as i32).min(self.height as i32 - 1);
         }
         let (mut p, mut per_steradian) = ([0.0; N], [0.0; N]);
-        for i in 0..N {
+        for i in lanes_of(lanes) {
             p[i] = self.density.p(columns[i] as u32, rows[i] as u32);
             per_steradian[i] = self.per_steradian[rows[i] as usize];
         }
@@ -240,13 +241,13 @@ impl EnvironmentLight {
 
     #[inline(always)]
     fn radiance_at(&self, point: MapPoint) -> Vec3 {
-        Vec3::from_array(self.lookup(&MapPoints { u: [point.u], v: [point.v] }).map(|[channel]| channel))
+        Vec3::from_array(self.lookup(&MapPoints { u: [point.u], v: [point.v] }, 1).map(|[channel]| channel))
     }
 
-    /// Radiance at points of the map, by channel: bilinear between texel centres. All texels are read before anything is computed
-    /// from them, so that the waits for memory overlap.
+    /// Radiance at points of the map, by channel: bilinear between texel centres, at the lanes of the bit mask `lanes`. All texels
+    /// are read before anything is computed from them, so that the waits for memory overlap.
     #[inline(always)]
-    pub fn lookup<const N: usize>(&self, points: &MapPoints<N>) -> [[f32; N]; 3] {
+    pub fn lookup<const N: usize>(&self, points: &MapPoints<N>, lanes: u16) -> [[f32; N]; 3] {
         let (width, height) = (self.width as i32, self.height as i32);
         // Columns and rows of the texels, and the weights of the second ones.
         let (mut left, mut right, mut upper, mut lower) = ([0; N], [0; N], [0; N], [0; N]);
@@ -262,7 +263,7 @@ impl EnvironmentLight {
             (upper[i], lower[i]) = (row, (row + 1).min(height - 1));
         }
         let mut taps = [[[0.0; N]; 3]; 4];
-        for i in 0..N {
+        for i in lanes_of(lanes) {
             let (above, below) = (upper[i] as usize * self.width as usize, lower[i] as usize * self.width as usize);
             let (left, right) = (left[i] as usize, right[i] as usize);
             for (tap, at) in taps.iter_mut().zip([above + left, above + right, below + left, below + right]) {
