@@ -42,8 +42,9 @@ pub enum TableError {
 fn lattice_step(u: f32) -> (u32, f32) {
     debug_assert!((0.0..1.0).contains(&u), "u = {u} is not in [0,1)");
     let scaled = u * LATTICE as f32;
-    let step = (scaled as u32).min(LATTICE - 1);
-    (step, scaled - step as f32)
+    // By way of i32, which converts in one instruction.
+    let step = (scaled as i32 as u32).min(LATTICE - 1);
+    (step, scaled - step as i32 as f32)
 }
 
 /// Cumulative steps: `out[i]..out[i + 1]` are the steps of cell i. `out` has one entry more than `weights`.
@@ -197,6 +198,19 @@ pub struct Cell {
     pub p: f32,
 }
 
+/// A [`Cell`] for each of `N` points, as columns.
+#[derive(Clone, Copy, Debug)]
+pub struct Cells<const N: usize> {
+    /// Columns, from 0.
+    pub column: [u32; N],
+    /// Rows, from 0.
+    pub row: [u32; N],
+    /// Positions within the cells along u and v, each in [0,1).
+    pub within: [[f32; N]; 2],
+    /// Probabilities with which the cells are drawn.
+    pub p: [f32; N],
+}
+
 /// A point of the unit square and the density with which it is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SquarePoint {
@@ -231,6 +245,13 @@ struct Guide {
     shift: u32,
 }
 
+/// Cells of some lanes and the steps that are theirs: `begin..end`.
+struct Found<const N: usize> {
+    cell: [u32; N],
+    begin: [u32; N],
+    end: [u32; N],
+}
+
 impl Guide {
     fn new(cells: usize) -> Self {
         Guide { cells: Vec::new(), shift: LATTICE.trailing_zeros() - cells.next_power_of_two().trailing_zeros() }
@@ -251,12 +272,31 @@ impl Guide {
         }
     }
 
-    /// The first cell of table `table` that ends after `step`.
-    #[inline]
-    fn cell(&self, table: usize, cumulative: &[u32], step: u32) -> usize {
-        let at = table * self.stride() + (step >> self.shift) as usize;
-        let (first, last) = (self.cells[at] as usize, self.cells[at + 1] as usize);
-        first + cumulative[first + 1..=last].partition_point(|&end| end <= step)
+    /// For each lane the first cell of table `tables[i]` that ends after `steps[i]`. `cumulative` are the tables one after
+    /// the other, `stride` entries each.
+    #[inline(always)]
+    fn find<const N: usize>(&self, cumulative: &[u32], stride: usize, tables: &[u32; N], steps: &[u32; N]) -> Found<N> {
+        let (mut first, mut last) = ([0; N], [0; N]);
+        for i in 0..N {
+            let at = tables[i] as usize * self.stride() + (steps[i] >> self.shift) as usize;
+            (first[i], last[i]) = (self.cells[at], self.cells[at + 1]);
+        }
+        let mut found = Found { cell: first, begin: [0; N], end: [0; N] };
+        for i in 0..N {
+            let at = tables[i] as usize * stride + first[i] as usize;
+            (found.begin[i], found.end[i]) = (cumulative[at], cumulative[at + 1]);
+        }
+        // Most often the first cell is the one.
+        for i in 0..N {
+            if found.end[i] <= steps[i] {
+                let table = &cumulative[tables[i] as usize * stride..][..stride];
+                let next = first[i] as usize + 1;
+                let cell = next + table[next + 1..=last[i] as usize].partition_point(|&end| end <= steps[i]);
+                found.cell[i] = cell as u32;
+                (found.begin[i], found.end[i]) = (table[cell], table[cell + 1]);
+            }
+        }
+        found
     }
 }
 
@@ -298,11 +338,26 @@ impl Distribution2D {
     /// The cell that (u, v) in [0,1)² falls into, and where in the cell.
     #[inline]
     pub fn sample_cell(&self, u: f32, v: f32) -> Cell {
-        let stride = self.width as usize + 1;
-        let row = invert(&self.rows, &self.row_guide, 0, v);
-        let columns = &self.columns[row.index as usize * stride..][..stride];
-        let column = invert(columns, &self.column_guide, row.index as usize, u);
-        Cell { column: column.index, row: row.index, within: [column.u, row.u], p: row.p * column.p }
+        let cells = self.sample_cells(&[u], &[v]);
+        Cell {
+            column: cells.column[0],
+            row: cells.row[0],
+            within: [cells.within[0][0], cells.within[1][0]],
+            p: cells.p[0],
+        }
+    }
+
+    /// [`sample_cell`](Self::sample_cell) for `N` points together. A search reads two tables one after the other, and each is a wait
+    /// for memory where the grid is large: those of different points overlap.
+    #[inline(always)]
+    pub fn sample_cells<const N: usize>(&self, u: &[f32; N], v: &[f32; N]) -> Cells<N> {
+        let rows = invert(&self.rows, self.height as usize + 1, &self.row_guide, &[0; N], v);
+        let columns = invert(&self.columns, self.width as usize + 1, &self.column_guide, &rows.cell, u);
+        let mut p = [0.0; N];
+        for i in 0..N {
+            p[i] = rows.p[i] * columns.p[i];
+        }
+        Cells { column: columns.cell, row: rows.cell, within: [columns.within, rows.within], p }
     }
 
     /// A point of the unit square, uniform within its cell.
@@ -322,15 +377,37 @@ impl Distribution2D {
     }
 }
 
-/// The cell of cumulative steps that `u` falls into. The position within takes the middle of each step: a cell of few
-/// steps is then covered by a midpoint rule instead of its left edges.
-#[inline]
-fn invert(cumulative: &[u32], guide: &Guide, table: usize, u: f32) -> Choice {
-    let (step, _) = lattice_step(u);
-    let index = guide.cell(table, cumulative, step);
-    let steps = cumulative[index + 1] - cumulative[index];
-    let within = ((step - cumulative[index]) as f32 + 0.5) / steps as f32;
-    Choice { index: index as u32, p: steps as f32 * STEP, u: within.min(BELOW_ONE) }
+/// Cells along one axis.
+struct Inverted<const N: usize> {
+    cell: [u32; N],
+    /// Position within the cell, in [0,1).
+    within: [f32; N],
+    p: [f32; N],
+}
+
+/// The cells of cumulative steps that the numbers `u` fall into. The position within takes the middle of each step: a cell of
+/// few steps is then covered by a midpoint rule instead of its left edges.
+#[inline(always)]
+fn invert<const N: usize>(
+    cumulative: &[u32],
+    stride: usize,
+    guide: &Guide,
+    tables: &[u32; N],
+    u: &[f32; N],
+) -> Inverted<N> {
+    let mut steps = [0; N];
+    for i in 0..N {
+        steps[i] = lattice_step(u[i]).0;
+    }
+    let found = guide.find(cumulative, stride, tables, &steps);
+    let mut inverted = Inverted { cell: found.cell, within: [0.0; N], p: [0.0; N] };
+    for i in 0..N {
+        // Steps fit into an i32, and i32 converts in one instruction.
+        let own = (found.end[i] - found.begin[i]) as i32 as f32;
+        inverted.within[i] = (((steps[i] - found.begin[i]) as i32 as f32 + 0.5) / own).min(BELOW_ONE);
+        inverted.p[i] = own * STEP;
+    }
+    inverted
 }
 
 #[cfg(test)]
@@ -407,6 +484,43 @@ mod tests {
                 assert_eq!(p as f32, grid.p(c as u32, r as u32), "cell {c}, {r}");
                 assert_eq!(p == 0.0, weight == 0.0, "cell {c}, {r}");
                 assert!((p - weight / total).abs() < 8.0 * f64::from(STEP), "cell {c}, {r}");
+            }
+        }
+    }
+
+    /// Oracle: the cells in ascending order, one after the other. Weights from none to a cell that holds nearly everything, so
+    /// that searches end at once and go far. Exact, deterministic.
+    #[test]
+    fn cells_of_many_points_are_those_of_a_linear_search() {
+        let (width, height) = (100, 7);
+        let weight = |row: usize, column: usize| match (row, column * 37 % 11) {
+            (2, _) | (_, 0) => 0.0,
+            (3, 1) => 1e9,
+            (_, place) => place as f64 * 10f64.powi(row as i32 - place as i32),
+        };
+        let grid = Distribution2D::new(width as u32, height as u32, |row, weights| {
+            (0..width).for_each(|column| weights[column] = weight(row as usize, column));
+        });
+        let grid = grid.expect("valid weights");
+        let search = |cumulative: &[u32], u: f32| -> u32 {
+            (1..cumulative.len()).find(|&i| cumulative[i] > lattice_step(u).0).expect("the last is above") as u32 - 1
+        };
+        for round in 0..5000u32 {
+            let number = |i: usize, k: u32| {
+                let mixed = (round * 32 + i as u32 * 2 + k).wrapping_mul(0x9E37_79B9) ^ k.wrapping_mul(0x85EB_CA6B);
+                (mixed >> 8) as f32 * STEP
+            };
+            let u: [f32; 16] = std::array::from_fn(|i| if i == 0 { BELOW_ONE } else { number(i, 0) });
+            let v: [f32; 16] = std::array::from_fn(|i| if i == 1 { BELOW_ONE } else { number(i, 1) });
+            let cells = grid.sample_cells(&u, &v);
+            for i in 0..16 {
+                let row = search(&grid.rows, v[i]);
+                let column = search(&grid.columns[row as usize * (width + 1)..][..width + 1], u[i]);
+                assert_eq!((cells.column[i], cells.row[i]), (column, row));
+                assert_eq!(cells.p[i], grid.p(column, row));
+                let cell = grid.sample_cell(u[i], v[i]);
+                assert_eq!((cell.column, cell.row, cell.p), (column, row, cells.p[i]));
+                assert_eq!(cell.within, [cells.within[0][i], cells.within[1][i]]);
             }
         }
     }

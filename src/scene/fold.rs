@@ -2,11 +2,13 @@
 //!
 //! A base colour keeps its texture where the texture's alpha is below 1: alpha is not a factor of the colour. A normal map
 //! is left out where it is flat, x and y one of the two codes nearest to ½, which 8 bits cannot say exactly.
+//!
+//! Images that are still read together afterwards are laid side by side.
 
 use glam::Vec3;
 
 use super::{Scene, Texture, TextureSlot};
-use crate::texture::{Texels, lookup, take_lookups};
+use crate::texture::{Texels, lookup, take_lookups, weave};
 
 impl Scene {
     /// Folds what is constant. The list of textures stays as it is.
@@ -31,6 +33,17 @@ impl Scene {
             if value(material.normal_texture).is_some_and(|constant| constant.is_flat_normal()) {
                 material.normal_texture = None;
             }
+        }
+    }
+}
+
+impl Scene {
+    /// Weaves the texels of images that a material reads at the same point.
+    pub(super) fn weave_textures(&mut self) {
+        for material in &self.materials {
+            let slots = [material.base_color_texture, material.metallic_roughness_texture, material.normal_texture];
+            let together: Vec<usize> = slots.into_iter().flatten().map(|slot| slot.texture.index()).collect();
+            weave(&mut self.textures, &together);
         }
     }
 }

@@ -38,12 +38,10 @@ fn read_environment(path: &Path, rotation_rad: f32, intensity: f32) -> Result<(E
     let problem = |problem: String| Error::Image { path: path.into(), problem };
     let image = decode(Encoded::File(path), Decoder::Default).map_err(problem)?;
     let radiance: Vec<Vec3> = match image.texels_in(ColorSpace::Srgb) {
-        Texels::Float(plane) => plane.base.iter().map(|&[r, g, b, _]| Vec3::new(r, g, b)).collect(),
-        Texels::Eight(plane) => plane
-            .base
-            .iter()
-            .map(|&[r, g, b, _]| Vec3::from([r, g, b].map(|c| SRGB_TO_LINEAR[usize::from(c)])))
-            .collect(),
+        Texels::Float(plane) => plane.iter().map(|&[r, g, b, _]| Vec3::new(r, g, b)).collect(),
+        Texels::Eight(plane) => {
+            plane.iter().map(|&[r, g, b, _]| Vec3::from([r, g, b].map(|c| SRGB_TO_LINEAR[usize::from(c)]))).collect()
+        }
         _ => return Err(problem("expected an image in memory".into())),
     };
     let negative = radiance.iter().filter(|texel| texel.min_element() < 0.0).count();

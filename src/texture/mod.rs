@@ -7,10 +7,12 @@
 
 mod crates;
 pub mod decode;
+mod lanes;
 pub mod load;
 #[cfg(feature = "oiio")]
 #[allow(unsafe_code)] // Fence 2 of 4: the shim over OpenImageIO.
 pub mod oiio;
+mod plane;
 mod pyramid;
 #[cfg(feature = "oiio")]
 mod scratch;
@@ -20,26 +22,36 @@ mod stats;
 pub mod stored;
 mod texels;
 pub mod udim;
+mod weave;
 
 use glam::{Vec2, Vec4};
 
+pub use lanes::lookup_lanes;
+pub use plane::Plane;
 pub use srgb::SRGB_TO_LINEAR;
 pub use stats::{TextureStats, take_lookups};
-pub use texels::{ColorSpace, Plane, Rows, Texels, Texture, Wrap};
+pub use texels::{ColorSpace, Rows, Texels, Texture, Wrap};
+pub use weave::weave;
 
 /// Value of a texture at `uv`: RGB in linear units, alpha as stored; all within 0 and 1 unless the image holds floats.
 #[inline]
 pub fn lookup(texture: &Texture, uv: Vec2) -> Vec4 {
     stats::count_lookup();
+    lookup_base(texture, uv)
+}
+
+/// [`lookup`] that is not counted.
+#[inline(always)]
+fn lookup_base(texture: &Texture, uv: Vec2) -> Vec4 {
     match (&texture.texels, texture.color_space) {
         (Texels::Eight(plane), ColorSpace::Linear) => {
-            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| linear(plane.base[y * texture.width + x]))
+            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| linear(plane.at(y * texture.width + x)))
         }
         (Texels::Eight(plane), ColorSpace::Srgb) => {
-            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| srgb(plane.base[y * texture.width + x]))
+            Taps::new(texture, texture.width, texture.height, uv).mix(|x, y| srgb(plane.at(y * texture.width + x)))
         }
         (Texels::Float(plane), _) => Taps::new(texture, texture.width, texture.height, uv)
-            .mix(|x, y| Vec4::from_array(plane.base[y * texture.width + x])),
+            .mix(|x, y| Vec4::from_array(plane.at(y * texture.width + x))),
         _ => lookup_elsewhere(texture, uv),
     }
 }
@@ -65,24 +77,19 @@ pub fn lookup_filtered(texture: &Texture, uv: Vec2, width: f32) -> Vec4 {
 }
 
 fn lookup_level(texture: &Texture, level: usize, uv: Vec2) -> Vec4 {
+    let Some(coarser) = level.checked_sub(1) else { return lookup_base(texture, uv) };
     match &texture.texels {
         Texels::Eight(plane) => {
-            let (width, height, texels) = match level.checked_sub(1) {
-                None => (texture.width, texture.height, &plane.base[..]),
-                Some(i) => (plane.levels()[i].0, plane.levels()[i].1, &plane.levels()[i].2[..]),
-            };
-            let taps = Taps::new(texture, width, height, uv);
+            let (width, height, texels) = &plane.levels()[coarser];
+            let taps = Taps::new(texture, *width, *height, uv);
             match texture.color_space {
                 ColorSpace::Linear => taps.mix(|x, y| linear(texels[y * width + x])),
                 ColorSpace::Srgb => taps.mix(|x, y| srgb(texels[y * width + x])),
             }
         }
         Texels::Float(plane) => {
-            let (width, height, texels) = match level.checked_sub(1) {
-                None => (texture.width, texture.height, &plane.base[..]),
-                Some(i) => (plane.levels()[i].0, plane.levels()[i].1, &plane.levels()[i].2[..]),
-            };
-            Taps::new(texture, width, height, uv).mix(|x, y| Vec4::from_array(texels[y * width + x]))
+            let (width, height, texels) = &plane.levels()[coarser];
+            Taps::new(texture, *width, *height, uv).mix(|x, y| Vec4::from_array(texels[y * width + x]))
         }
         #[cfg(feature = "oiio")]
         Texels::Stored(stored) => stored.lookup_level(texture, level, uv),
@@ -132,29 +139,15 @@ impl Taps {
     /// For a level of that size.
     #[inline(always)]
     fn new(texture: &Texture, width: usize, height: usize, uv: Vec2) -> Self {
-        let x = texel_coordinate(uv.x, width, texture.wrap_u);
-        let y = texel_coordinate(uv.y, height, texture.wrap_v);
-        if !texture.bilinear {
-            let column = wrapped(x as i32, width, texture.wrap_u);
-            let row = wrapped(y as i32, height, texture.wrap_v);
-            return Taps {
-                columns: [column; 2],
-                rows: [row; 2],
-                right_weight: 0.0,
-                bottom_weight: 0.0,
-                bilinear: false,
-            };
-        }
-        // Texel centres lie half a texel inside.
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let (i, j) = (left as i32, top as i32);
+        let bilinear = u32::from(texture.bilinear);
+        let x = Pair::new(uv.x, width as i32, texture.wrap_u as u32, bilinear);
+        let y = Pair::new(uv.y, height as i32, texture.wrap_v as u32, bilinear);
         Taps {
-            columns: [wrapped(i, width, texture.wrap_u), wrapped(i + 1, width, texture.wrap_u)],
-            rows: [wrapped(j, height, texture.wrap_v), wrapped(j + 1, height, texture.wrap_v)],
-            right_weight: x - left,
-            bottom_weight: y - top,
-            bilinear: true,
+            columns: [x.first as usize, x.second as usize],
+            rows: [y.first as usize, y.second as usize],
+            right_weight: x.weight,
+            bottom_weight: y.weight,
+            bilinear: texture.bilinear,
         }
     }
 
@@ -171,31 +164,56 @@ impl Taps {
     }
 }
 
+/// The two columns or the two rows that a look-up reads, each at least 0 and below the size. Without branches, and all in
+/// 32 bits, so that loops over many coordinates become vector code.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    first: i32,
+    second: i32,
+    /// Of the second; 0 without interpolation, where both are the same.
+    weight: f32,
+}
+
+impl Pair {
+    /// At the coordinate `t` of an image of `size` columns or rows, 1 to [`decode::MOST_TEXELS`]. `wrap` is a [`Wrap`];
+    /// `bilinear` is 1 or 0.
+    #[inline(always)]
+    fn new(t: f32, size: i32, wrap: u32, bilinear: u32) -> Self {
+        let x = texel_coordinate(t, size, wrap);
+        // Texel centres lie half a texel inside.
+        let shifted = if bilinear != 0 { x - 0.5 } else { x };
+        let floor = shifted.floor();
+        let place = floor as i32;
+        Pair {
+            first: wrapped(place, size, wrap),
+            second: wrapped(place + bilinear as i32, size, wrap),
+            weight: if bilinear != 0 { shifted - floor } else { 0.0 },
+        }
+    }
+}
+
 /// `t` folded to one period and scaled to texels: [0, size], or [0, 2·size] when mirrored.
 #[inline(always)]
-fn texel_coordinate(t: f32, size: usize, wrap: Wrap) -> f32 {
-    let t = if t.is_finite() { t } else { 0.0 };
-    let folded = match wrap {
-        // Rounding may yield the period itself (−1e-9 gives 1): `wrapped` folds that column, too.
-        Wrap::Repeat => t - t.floor(),
-        Wrap::MirroredRepeat => t - 2.0 * (0.5 * t).floor(),
-        Wrap::ClampToEdge => t.clamp(0.0, 1.0),
-    };
+fn texel_coordinate(t: f32, size: i32, wrap: u32) -> f32 {
+    let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
+    // Rounding may yield the period itself (−1e-9 gives 1): `wrapped` folds that column, too.
+    let repeated = t - t.floor();
+    let mirrored = t - 2.0 * (0.5 * t).floor();
+    let clamped = t.clamp(0.0, 1.0);
+    let folded = if wrap == Wrap::Repeat as u32 { repeated } else { clamped };
+    let folded = if wrap == Wrap::MirroredRepeat as u32 { mirrored } else { folded };
     folded * size as f32
 }
 
 /// Column or row of the texel numbered `place`, an integer from −1 to the period: one step outside at most, so that no
-/// division is needed. Sizes are at most [`decode::MOST_TEXELS`].
+/// division is needed.
 #[inline(always)]
-fn wrapped(place: i32, size: usize, wrap: Wrap) -> usize {
-    let size = size as i32;
-    let period = if wrap == Wrap::MirroredRepeat { 2 * size } else { size };
-    let folded = match wrap {
-        Wrap::ClampToEdge => place.clamp(0, size - 1),
-        _ if place < 0 => place + period,
-        _ if place >= period => place - period,
-        _ => place,
-    };
+fn wrapped(place: i32, size: i32, wrap: u32) -> i32 {
+    let period = if wrap == Wrap::MirroredRepeat as u32 { 2 * size } else { size };
+    let above = if place >= period { place - period } else { place };
+    let folded = if place < 0 { place + period } else { above };
     // The second half of a mirrored period runs backwards.
-    if folded < size { folded as usize } else { (period - 1 - folded) as usize }
+    let folded = if folded < size { folded } else { period - 1 - folded };
+    // Not `clamp`, whose check of the bounds is a branch.
+    if wrap == Wrap::ClampToEdge as u32 { place.max(0).min(size - 1) } else { folded }
 }

@@ -2,8 +2,8 @@
 //! covers, in linear values. Levels are stored as the image is, so that those of a tiled copy are the same bits.
 
 use super::ColorSpace;
+use super::plane::Level;
 use super::srgb::{SRGB_TO_LINEAR, linear_to_srgb, srgb_to_linear};
-use super::texels::Level;
 
 /// A texel's sources along one axis: first and last texel, and the weights of those two; all between count 1.
 struct Span {

@@ -10,7 +10,12 @@ thread_local! {
 
 #[inline(always)]
 pub(super) fn count_lookup() {
-    LOOKUPS.with(|count| count.set(count.get() + 1));
+    count_lookups(1);
+}
+
+#[inline(always)]
+pub(super) fn count_lookups(number: u64) {
+    LOOKUPS.with(|count| count.set(count.get() + number));
 }
 
 /// Look-ups of this thread since it was last asked.

@@ -2,10 +2,12 @@
 //!
 //! Where the numbers are kept is [`Texels`]' own affair: a look-up gives the same bits from memory and from the tile cache.
 
-use std::sync::{Arc, OnceLock};
+use std::borrow::Cow;
+use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::plane::Plane;
 use super::pyramid;
 use super::srgb::{SRGB_TO_LINEAR, srgb_to_linear};
 use super::stats::TextureStats;
@@ -68,18 +70,6 @@ pub enum Texels {
     Udim(Arc<Udim>),
 }
 
-/// Texels in memory.
-#[derive(Clone, Debug)]
-pub struct Plane<T> {
-    /// The image, row-major from the top.
-    pub base: Arc<[T]>,
-    /// Coarser levels, columns, rows, texels: those of the file, else made when they are first needed.
-    pub coarser: Arc<OnceLock<Vec<Level<T>>>>,
-}
-
-/// Columns, rows and texels of a level.
-pub type Level<T> = (usize, usize, Vec<T>);
-
 /// Texels of some rows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rows {
@@ -89,29 +79,11 @@ pub enum Rows {
     Float(Vec<[f32; 4]>),
 }
 
-impl<T> Plane<T> {
-    /// An image without coarser levels.
-    pub fn new(base: Arc<[T]>) -> Self {
-        Plane { base, coarser: Arc::default() }
-    }
-
-    /// An image and the levels of its file; none if that has none.
-    pub(super) fn with_levels(base: Arc<[T]>, levels: Vec<Level<T>>) -> Self {
-        let coarser = if levels.is_empty() { OnceLock::new() } else { OnceLock::from(levels) };
-        Plane { base, coarser: Arc::new(coarser) }
-    }
-
-    /// The coarser levels there are by now.
-    pub(super) fn levels(&self) -> &[Level<T>] {
-        self.coarser.get().map_or(&[], Vec::as_slice)
-    }
-}
-
 impl Texels {
-    /// Texels of 8 bits, if they are that and in memory.
-    pub fn eight(&self) -> Option<&[[u8; 4]]> {
+    /// Texels of 8 bits, if they are that and in memory; copied where they are woven with those of other images.
+    pub fn eight(&self) -> Option<Cow<'_, [[u8; 4]]>> {
         match self {
-            Texels::Eight(plane) => Some(&plane.base),
+            Texels::Eight(plane) => Some(plane.contiguous()),
             _ => None,
         }
     }
@@ -119,8 +91,8 @@ impl Texels {
     /// Whether both are the same memory or the same stored image.
     pub fn shares(&self, other: &Texels) -> bool {
         match (self, other) {
-            (Texels::Eight(a), Texels::Eight(b)) => Arc::ptr_eq(&a.base, &b.base),
-            (Texels::Float(a), Texels::Float(b)) => Arc::ptr_eq(&a.base, &b.base),
+            (Texels::Eight(a), Texels::Eight(b)) => a.shares(b),
+            (Texels::Float(a), Texels::Float(b)) => a.shares(b),
             #[cfg(feature = "oiio")]
             (Texels::Stored(a), Texels::Stored(b)) => Arc::ptr_eq(a, b),
             (Texels::Udim(a), Texels::Udim(b)) => Arc::ptr_eq(a, b),
@@ -130,13 +102,9 @@ impl Texels {
 
     /// Bytes in memory, without what the tile cache holds.
     pub fn bytes(&self) -> u64 {
-        fn of<T>(plane: &Plane<T>) -> u64 {
-            let coarser: usize = plane.levels().iter().map(|(_, _, texels)| texels.len()).sum();
-            ((plane.base.len() + coarser) * size_of::<T>()) as u64
-        }
         match self {
-            Texels::Eight(plane) => of(plane),
-            Texels::Float(plane) => of(plane),
+            Texels::Eight(plane) => plane.bytes(),
+            Texels::Float(plane) => plane.bytes(),
             #[cfg(feature = "oiio")]
             Texels::Stored(_) => 0,
             Texels::Udim(udim) => udim.pages().map(|(_, page)| page.texels.bytes()).sum(),
@@ -156,8 +124,8 @@ impl Texels {
     /// Whether some texel may not be opaque; of images that are not in memory this is assumed.
     pub fn may_have_alpha(&self) -> bool {
         match self {
-            Texels::Eight(plane) => plane.base.iter().any(|texel| texel[3] < u8::MAX),
-            Texels::Float(plane) => plane.base.iter().any(|texel| texel[3] < 1.0),
+            Texels::Eight(plane) => plane.iter().any(|texel| texel[3] < u8::MAX),
+            Texels::Float(plane) => plane.iter().any(|texel| texel[3] < 1.0),
             #[cfg(feature = "oiio")]
             Texels::Stored(_) => true,
             Texels::Udim(udim) => udim.pages().any(|(_, page)| page.texels.may_have_alpha()),
@@ -167,8 +135,8 @@ impl Texels {
     /// The value of every texel as stored, with 8-bit channels over 255, if it is one for all.
     pub fn constant(&self) -> Option<[f32; 4]> {
         match self {
-            Texels::Eight(plane) => one_for_all(&plane.base).map(|texel| texel.map(|c| f32::from(c) / 255.0)),
-            Texels::Float(plane) => one_for_all(&plane.base),
+            Texels::Eight(plane) => one_for_all(plane.iter()).map(|texel| texel.map(|c| f32::from(c) / 255.0)),
+            Texels::Float(plane) => one_for_all(plane.iter()),
             #[cfg(feature = "oiio")]
             Texels::Stored(stored) => stored.constant(),
             Texels::Udim(_) => None,
@@ -177,9 +145,10 @@ impl Texels {
 }
 
 /// The texel that all are, if they are.
-pub(super) fn one_for_all<T: Copy + PartialEq>(texels: &[T]) -> Option<T> {
-    let &first = texels.first()?;
-    texels.iter().all(|texel| *texel == first).then_some(first)
+pub(super) fn one_for_all<'t, T: Copy + PartialEq + 't>(texels: impl IntoIterator<Item = &'t T>) -> Option<T> {
+    let mut texels = texels.into_iter();
+    let &first = texels.next()?;
+    texels.all(|texel| *texel == first).then_some(first)
 }
 
 impl From<Arc<[[u8; 4]]>> for Texels {
@@ -217,8 +186,8 @@ impl Texture {
     pub fn problem(&self) -> Option<String> {
         let expected = self.width.checked_mul(self.height).filter(|&texels| texels > 0);
         let found = match &self.texels {
-            Texels::Eight(plane) => plane.base.len(),
-            Texels::Float(plane) => plane.base.len(),
+            Texels::Eight(plane) => plane.len(),
+            Texels::Float(plane) => plane.len(),
             #[cfg(feature = "oiio")]
             Texels::Stored(_) => return None,
             Texels::Udim(udim) => return udim.pages().find_map(|(_, page)| page.problem()),
@@ -234,12 +203,12 @@ impl Texture {
                 let next = |(width, height), texels: &[[u8; 4]]| {
                     pyramid::halved_eight(width, height, texels, self.color_space)
                 };
-                plane.coarser.get_or_init(|| pyramid::levels(size, &plane.base, next));
+                plane.coarser.get_or_init(|| pyramid::levels(size, &plane.contiguous(), next));
             }
             Texels::Float(plane) => {
                 // Colours in memory are decoded.
                 let next = |(width, height), texels: &[[f32; 4]]| pyramid::halved_float(width, height, texels, false);
-                plane.coarser.get_or_init(|| pyramid::levels(size, &plane.base, next));
+                plane.coarser.get_or_init(|| pyramid::levels(size, &plane.contiguous(), next));
             }
             #[cfg(feature = "oiio")]
             Texels::Stored(_) => {}
@@ -261,10 +230,10 @@ impl Texture {
     /// Mean of the linear texels, R, G and B; 0 only where every texel is.
     pub fn mean(&self) -> Vec3 {
         match &self.texels {
-            Texels::Eight(plane) => Histogram::of(&plane.base).mean(self.color_space),
+            Texels::Eight(plane) => Histogram::of(plane.iter()).mean(self.color_space),
             Texels::Float(plane) => {
                 let mut sums = Sums::default();
-                sums.add(&plane.base);
+                sums.add(plane.iter());
                 sums.mean()
             }
             #[cfg(feature = "oiio")]
@@ -288,13 +257,13 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    fn of(texels: &[[u8; 4]]) -> Self {
+    fn of<'t>(texels: impl IntoIterator<Item = &'t [u8; 4]>) -> Self {
         let mut counts = Histogram::default();
         counts.add(texels);
         counts
     }
 
-    pub(super) fn add(&mut self, texels: &[[u8; 4]]) {
+    pub(super) fn add<'t>(&mut self, texels: impl IntoIterator<Item = &'t [u8; 4]>) {
         for texel in texels {
             for (channel, counts) in self.0.iter_mut().enumerate() {
                 counts[usize::from(texel[channel])] += 1;
@@ -325,13 +294,13 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    pub(super) fn add(&mut self, texels: &[[f32; 4]]) {
+    pub(super) fn add<'t>(&mut self, texels: impl IntoIterator<Item = &'t [f32; 4]>) {
         for texel in texels {
             for c in 0..3 {
                 self.sum[c] += f64::from(texel[c].max(0.0));
             }
+            self.texels += 1;
         }
-        self.texels += texels.len() as u64;
     }
 
     pub(super) fn mean(&self) -> Vec3 {

@@ -2,12 +2,12 @@
 //! one kind are shaded where they lie; what is sparse goes through a queue.
 
 use super::Context;
-use super::columns::{ZERO, ZERO3, get, set};
+use super::columns::{ZERO, get};
 use super::estimator;
 use super::queue::{KINDS, Kind};
 use super::state::Wave;
 use crate::backend::batch::{INVALID_ID, LANES};
-use crate::shading::light::environment::MapPoint;
+use crate::math::lanes::lanes_of;
 
 /// Lanes of one kind above which a block is shaded where it lies, its other lanes idle: gathering a lane costs about as
 /// much as shading it.
@@ -76,25 +76,20 @@ fn cover(wave: &mut Wave, block: usize, seen: u16) {
     }
 }
 
-/// Radiance of the environment for the lanes that left the scene. A loop a step, so that the waits for memory of the lanes overlap.
+/// Radiance of the environment for the lanes that left the scene.
 #[inline(always)]
 fn escape(context: &Context, wave: &mut Wave, block: usize, missed: u16, edge: u32) {
     let Some(light) = context.lights.environment().filter(|_| missed != 0) else { return };
     let (ray, paths) = (&wave.current.rays[block].ray, &wave.current.paths[block]);
-    let mut points = [MapPoint::default(); LANES];
-    for i in 0..LANES {
-        points[i] = light.map_point(ray.dir(i));
-    }
+    let points = light.map_points(&[ray.dir_x, ray.dir_y, ray.dir_z]);
     let mut light_pdf = ZERO;
     if context.plan.samples_lights() {
+        light_pdf = light.pdfs(&points, missed);
         for i in lanes_of(missed) {
-            light_pdf[i] = context.lights.p_environment(ray.org(i), get(&paths.last_n, i)) * light.pdf_at(points[i]);
+            light_pdf[i] *= context.lights.p_environment(ray.org(i), get(&paths.last_n, i));
         }
     }
-    let mut radiance = ZERO3;
-    for i in lanes_of(missed) {
-        set(&mut radiance, i, light.lookup(points[i]));
-    }
+    let radiance = light.lookup(&points, missed);
     for i in lanes_of(missed) {
         let weight = estimator::emission_weight(context.plan.strategy, paths.last_pdf_sa[i], light_pdf[i]);
         // Inside an absorbing solid the way to infinity absorbs everything.
@@ -102,16 +97,4 @@ fn escape(context: &Context, wave: &mut Wave, block: usize, missed: u16, edge: u
             wave.sums.add(paths.slot[i], edge, get(&paths.beta, i) * get(&radiance, i) * weight);
         }
     }
-}
-
-/// The lanes of a bit mask, ascending.
-#[inline(always)]
-fn lanes_of(mut mask: u16) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        (mask != 0).then(|| {
-            let lane = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            lane
-        })
-    })
 }

@@ -1,7 +1,7 @@
-//! Material factors of sixteen lanes after their textures, and normal maps. Each texture slot is a loop of its own over the
-//! lanes, so that the waits for memory of sixteen look-ups overlap.
+//! Material factors of sixteen lanes after their textures, and normal maps. Each texture slot is looked up for all lanes
+//! together, so that the waits for memory of sixteen look-ups overlap.
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::Vec3;
 
 use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, get, set};
 use super::vertices::Vertices;
@@ -10,7 +10,7 @@ use crate::backend::batch::{LANES, RayHitBlock};
 use crate::scene::{Material, TextureSlot};
 use crate::shading::interaction;
 use crate::shading::surface::Textured;
-use crate::texture;
+use crate::texture::{self, ColorSpace};
 
 /// See the module.
 #[repr(C, align(64))]
@@ -60,53 +60,31 @@ impl Factors {
 
     #[inline(always)]
     fn apply_textures(&mut self, context: &Context, rays: &RayHitBlock, vertices: &mut Vertices) {
-        let materials = &context.scene.materials;
-        let material = |vertices: &Vertices, i: usize| -> &Material { &materials[vertices.material[i] as usize] };
-        // Channel 0 of the texture coordinates; slots with another look it up themselves.
-        let mut uv = [Vec2::ZERO; LANES];
-        let mut corners = [(0, [0.0; 2]); LANES];
-        let mut reads: Mask = [0; LANES];
-        for i in 0..LANES {
-            if vertices.active[i] != 0 && material(vertices, i).reads_textures() {
-                let attributes = context.geometry.triangle(rays.hit.geom[i], rays.hit.prim[i]).attributes;
-                corners[i] = (attributes, [rays.hit.u[i], rays.hit.v[i]]);
-                if let Some(found) = context.geometry.uv(attributes, 0, corners[i].1) {
-                    (uv[i], reads[i]) = (found, 1);
-                }
-            }
-        }
         let features = &context.plan.features;
-        let fetch = |vertices: &Vertices, slot: Option<TextureSlot>, i: usize| -> Option<Vec4> {
-            let slot = slot?;
-            if features.footprints {
-                return Some(footprint::lookup(context, rays, vertices, i, slot));
-            }
-            let uv = match slot.uv_set {
-                0 => uv[i],
-                channel => context.geometry.uv(corners[i].0, channel, corners[i].1).unwrap_or(uv[i]),
-            };
-            Some(texture::lookup(&context.scene.textures[slot.texture.index()], uv))
-        };
+        let coordinates = Coordinates::at(context, rays, vertices);
         if features.base_color_textures {
-            for i in (0..LANES).filter(|&i| reads[i] != 0) {
-                if let Some(texel) = fetch(vertices, material(vertices, i).base_color_texture, i) {
-                    let color = get(&self.base_color, i) * texel.truncate();
-                    set(&mut self.base_color, i, color);
+            let texels = coordinates.fetch(context, rays, vertices, ColorSpace::Srgb, |m| m.base_color_texture);
+            for c in 0..3 {
+                for i in 0..LANES {
+                    let product = self.base_color[c][i] * texels.rgb[c][i];
+                    self.base_color[c][i] = if texels.found[i] != 0 { product } else { self.base_color[c][i] };
                 }
             }
         }
         if features.metallic_roughness_textures {
-            for i in (0..LANES).filter(|&i| reads[i] != 0) {
-                if let Some(texel) = fetch(vertices, material(vertices, i).metallic_roughness_texture, i) {
-                    self.roughness[i] *= texel.y;
-                    self.metallic[i] *= texel.z;
-                }
+            let texels =
+                coordinates.fetch(context, rays, vertices, ColorSpace::Linear, |m| m.metallic_roughness_texture);
+            for i in 0..LANES {
+                let (roughness, metallic) = (self.roughness[i] * texels.rgb[1][i], self.metallic[i] * texels.rgb[2][i]);
+                self.roughness[i] = if texels.found[i] != 0 { roughness } else { self.roughness[i] };
+                self.metallic[i] = if texels.found[i] != 0 { metallic } else { self.metallic[i] };
             }
         }
         if features.normal_maps {
-            for i in (0..LANES).filter(|&i| reads[i] != 0) {
-                let scale = material(vertices, i).normal_scale;
-                let Some(texel) = fetch(vertices, material(vertices, i).normal_texture, i) else { continue };
+            let texels = coordinates.fetch(context, rays, vertices, ColorSpace::Linear, |m| m.normal_texture);
+            for i in (0..LANES).filter(|&i| texels.found[i] != 0) {
+                let scale = context.scene.materials[vertices.material[i] as usize].normal_scale;
+                let texel = get(&texels.rgb, i);
                 // Maps are authored for normals of the front side.
                 let (n_s, side) = (get(&vertices.n_s, i) * vertices.side[i], vertices.side[i]);
                 let hit = rays.hit_unchecked(i);
@@ -118,5 +96,72 @@ impl Factors {
                 }
             }
         }
+    }
+}
+
+/// Where sixteen lanes read their textures.
+struct Coordinates {
+    /// 1 where the material reads some texture and the triangle has coordinates.
+    reads: Mask,
+    /// Channel 0 of the texture coordinates; slots with another look it up themselves.
+    uv: [Lane; 2],
+    /// Attributes of the triangle that was hit.
+    attributes: [u32; LANES],
+}
+
+/// What sixteen lanes found in one of their textures.
+struct Found {
+    /// Linear; any value where nothing was found.
+    rgb: Lane3,
+    /// 1 where the material has such a texture.
+    found: Mask,
+}
+
+impl Coordinates {
+    #[inline(always)]
+    fn at(context: &Context, rays: &RayHitBlock, vertices: &Vertices) -> Self {
+        let mut at = Coordinates { reads: [0; LANES], uv: [ZERO; 2], attributes: [0; LANES] };
+        for i in 0..LANES {
+            if vertices.active[i] != 0 && context.scene.materials[vertices.material[i] as usize].reads_textures() {
+                at.attributes[i] = context.geometry.triangle(rays.hit.geom[i], rays.hit.prim[i]).attributes;
+                if let Some(uv) = context.geometry.uv(at.attributes[i], 0, [rays.hit.u[i], rays.hit.v[i]]) {
+                    (at.uv[0][i], at.uv[1][i], at.reads[i]) = (uv.x, uv.y, 1);
+                }
+            }
+        }
+        at
+    }
+
+    /// Looks one slot of the materials up.
+    #[inline(always)]
+    fn fetch(
+        &self,
+        context: &Context,
+        rays: &RayHitBlock,
+        vertices: &Vertices,
+        color_space: ColorSpace,
+        slot: impl Fn(&Material) -> Option<TextureSlot>,
+    ) -> Found {
+        let (mut found, mut textures, mut uv) = ([0; LANES], [None; LANES], self.uv);
+        let mut rgb = ZERO3;
+        for i in (0..LANES).filter(|&i| self.reads[i] != 0) {
+            let Some(slot) = slot(&context.scene.materials[vertices.material[i] as usize]) else { continue };
+            found[i] = 1;
+            if context.plan.features.footprints {
+                set(&mut rgb, i, footprint::lookup(context, rays, vertices, i, slot).truncate());
+                continue;
+            }
+            textures[i] = Some(&context.scene.textures[slot.texture.index()]);
+            if slot.uv_set != 0 {
+                let corners = [rays.hit.u[i], rays.hit.v[i]];
+                if let Some(other) = context.geometry.uv(self.attributes[i], slot.uv_set, corners) {
+                    (uv[0][i], uv[1][i]) = (other.x, other.y);
+                }
+            }
+        }
+        if !context.plan.features.footprints {
+            rgb = texture::lookup_lanes(&textures, color_space, &uv[0], &uv[1]);
+        }
+        Found { rgb, found }
     }
 }

@@ -1,11 +1,10 @@
 //! Light samples for sixteen receivers. One area light is sampled in columns; lights that have to be chosen, and other
 //! kinds, lane by lane: the numbers are those of [`Lights::sample`](crate::shading::light::Lights::sample).
 
-use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, get, set};
+use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set};
 use super::{Context, emission};
 use crate::backend::batch::LANES;
-use crate::math::table::Cell;
-use crate::shading::light::environment::{EnvironmentLight, MapPoint};
+use crate::shading::light::environment::EnvironmentLight;
 
 /// A light sample for each lane.
 #[repr(C, align(64))]
@@ -66,23 +65,21 @@ impl LightLanes {
         light
     }
 
-    /// A loop a step, so that the waits for memory of the lanes overlap.
     #[inline(always)]
     fn draw_environment(&mut self, environment: &EnvironmentLight, active: &Mask, u: &[Lane; 4]) {
-        let (mut cells, mut points) = ([Cell::default(); LANES], [MapPoint::default(); LANES]);
-        for i in (0..LANES).filter(|&i| active[i] != 0) {
-            cells[i] = environment.draw([u[1][i], u[2][i]]);
-        }
+        // Idle lanes all draw the same: their numbers may be none.
+        let (mut across, mut along) = (ZERO, ZERO);
         for i in 0..LANES {
-            let drawn = environment.direction(&cells[i]);
-            set(&mut self.wi, i, drawn.wi);
-            let usable = (active[i] != 0) & (drawn.pdf_sa < f32::INFINITY);
-            self.pdf_sa[i] = if usable { drawn.pdf_sa } else { 0.0 };
-            points[i] = drawn.point;
+            across[i] = if active[i] != 0 { u[1][i] } else { 0.0 };
+            along[i] = if active[i] != 0 { u[2][i] } else { 0.0 };
         }
-        for i in (0..LANES).filter(|&i| active[i] != 0) {
-            set(&mut self.radiance, i, environment.lookup(points[i]));
+        let drawn = environment.draw(&across, &along);
+        for i in 0..LANES {
+            let usable = (active[i] != 0) & (drawn.pdf_sa[i] < f32::INFINITY);
+            self.pdf_sa[i] = if usable { drawn.pdf_sa[i] } else { 0.0 };
         }
+        self.wi = drawn.wi;
+        self.radiance = environment.lookup(&drawn.points, bits(active));
         self.infinite = [1; LANES];
     }
 

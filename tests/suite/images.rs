@@ -365,7 +365,7 @@ mod through_oiio {
         let side = pictures[0].width() as usize;
         write_tiled(&directory.path().join("0.tx"), &[(side, side, &Rows::Eight(inverted.clone()))]).expect("written");
         let scene = load(&gallery(directory.path(), &png), 4096);
-        assert_eq!(scene.textures[0].texels.eight(), Some(&inverted[..]));
+        assert_eq!(scene.textures[0].texels.eight().as_deref(), Some(&inverted[..]));
     }
 
     /// Floats: a tiled file of linear values is the same held and through the cache, and shows what an 8-bit image of the same

@@ -73,6 +73,7 @@ impl Scene {
         scene.materials = materials.materials;
         scene.textures = materials.textures.decode(&document, options)?;
         scene.fold_constant_textures();
+        scene.weave_textures();
         let copies = geometry::copied_lamps(&scene);
         if copies > 0 {
             document.warn("/meshes", format!("{copies} emissive triangles repeat others exactly and are left out"));

@@ -18,7 +18,8 @@ use glam::Vec3;
 use super::{LightSample, channel_mean, is_radiance};
 use crate::error::{Error, Result};
 use crate::math::angle::{atan2_turns, sin_cos_turns};
-use crate::math::table::{Cell, Distribution2D, TableError};
+use crate::math::lanes::lanes_of;
+use crate::math::table::{Distribution2D, TableError};
 use crate::scene::light::Environment;
 
 /// Least share of its radiance that a texel is drawn by. It bounds what light sampling alone loses: its variance is at
@@ -56,21 +57,28 @@ pub struct Seen {
 }
 
 /// Coordinates in the map: u from 0 to below 1, v from 0 to 1.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MapPoint {
+#[derive(Clone, Copy, Debug)]
+struct MapPoint {
     u: f32,
     v: f32,
 }
 
-/// A direction drawn from the map, before its radiance is looked up.
+/// [`MapPoint`]s of `N` lanes.
 #[derive(Clone, Copy, Debug)]
-pub struct DrawnDirection {
-    /// Unit direction to the sky.
-    pub wi: Vec3,
-    /// Its density, sr⁻¹.
-    pub pdf_sa: f32,
-    /// Where in the map it lies.
-    pub point: MapPoint,
+pub struct MapPoints<const N: usize> {
+    u: [f32; N],
+    v: [f32; N],
+}
+
+/// Directions drawn from the map for `N` receivers, before their radiance is looked up.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawnDirections<const N: usize> {
+    /// Unit directions to the sky.
+    pub wi: [[f32; N]; 3],
+    /// Their densities, sr⁻¹.
+    pub pdf_sa: [f32; N],
+    /// Where in the map they lie.
+    pub points: MapPoints<N>,
 }
 
 impl EnvironmentLight {
@@ -128,40 +136,43 @@ impl EnvironmentLight {
 
     /// Draws a direction. The density is that of the direction alone.
     #[inline]
-    pub fn sample(&self, uv: [f32; 2]) -> LightSample {
-        let drawn = self.direction(&self.draw(uv));
+    pub fn sample(&self, [u, v]: [f32; 2]) -> LightSample {
+        let drawn = self.draw(&[u], &[v]);
         LightSample {
-            wi: drawn.wi,
+            wi: Vec3::from_array(drawn.wi.map(|[axis]| axis)),
             target: None,
-            radiance: self.lookup(drawn.point),
+            radiance: Vec3::from_array(self.lookup(&drawn.points, 1).map(|[channel]| channel)),
             texture_point: None,
-            pdf_sa: drawn.pdf_sa,
+            pdf_sa: drawn.pdf_sa[0],
             delta: false,
         }
     }
 
-    /// First step of [`sample`](Self::sample): the texel, and where in it. The three steps wait for memory or compute, so that loops over
-    /// many receivers can take them one after the other.
-    #[inline]
-    pub fn draw(&self, [u, v]: [f32; 2]) -> Cell {
-        self.density.sample_cell(u, v)
-    }
-
-    /// Second step: uniform in cos θ within the row, uniform in φ within the column.
+    /// Directions for `N` receivers: uniform in cos θ within the row, uniform in φ within the column.
     #[inline(always)]
-    pub fn direction(&self, cell: &Cell) -> DrawnDirection {
-        let row = cell.row as usize;
-        let (upper, lower) = (self.cos_edges[row], self.cos_edges[row + 1]);
-        let cos_theta = upper + (lower - upper) * f64::from(cell.within[1]);
-        let sin_theta = ((1.0 - cos_theta) * (1.0 + cos_theta)).sqrt() as f32;
-        let cos_theta = cos_theta as f32;
-        let u = (cell.column as f32 + cell.within[0]) / self.width as f32;
-        let (sin_phi, cos_phi) = sin_cos_turns(u - 0.5 - self.turn);
-        DrawnDirection {
-            wi: Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi),
-            pdf_sa: cell.p * self.per_steradian[row],
-            point: MapPoint { u, v: 2.0 * atan2_turns(sin_theta, cos_theta) },
+    pub fn draw<const N: usize>(&self, u: &[f32; N], v: &[f32; N]) -> DrawnDirections<N> {
+        let cells = self.density.sample_cells(u, v);
+        let (mut upper, mut lower, mut per_steradian) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let row = cells.row[i] as usize;
+            (upper[i], lower[i]) = (self.cos_edges[row], self.cos_edges[row + 1]);
+            per_steradian[i] = self.per_steradian[row];
         }
+        let (mut sin, mut cos) = ([0.0; N], [0.0; N]);
+        for i in 0..N {
+            let cos_theta: f64 = upper[i] + (lower[i] - upper[i]) * f64::from(cells.within[1][i]);
+            (sin[i], cos[i]) = (((1.0 - cos_theta) * (1.0 + cos_theta)).sqrt() as f32, cos_theta as f32);
+        }
+        let points = MapPoints { u: [0.0; N], v: [0.0; N] };
+        let mut drawn = DrawnDirections { wi: [[0.0; N]; 3], pdf_sa: [0.0; N], points };
+        for i in 0..N {
+            let u = (cells.column[i] as i32 as f32 + cells.within[0][i]) / self.width as f32;
+            let (sin_phi, cos_phi) = sin_cos_turns(u - 0.5 - self.turn);
+            (drawn.wi[0][i], drawn.wi[1][i], drawn.wi[2][i]) = (sin[i] * sin_phi, cos[i], -sin[i] * cos_phi);
+            drawn.pdf_sa[i] = cells.p[i] * per_steradian[i];
+            (drawn.points.u[i], drawn.points.v[i]) = (u, 2.0 * atan2_turns(sin[i], cos[i]));
+        }
+        drawn
     }
 
     /// Density of [`sample`](Self::sample) for the unit direction `dir`.
@@ -174,47 +185,101 @@ impl EnvironmentLight {
     #[inline]
     pub fn seen(&self, dir: Vec3) -> Seen {
         let point = self.map_point(dir);
-        Seen { radiance: self.lookup(point), pdf_sa: self.pdf_at(point) }
+        Seen { radiance: self.radiance_at(point), pdf_sa: self.pdf_at(point) }
     }
 
     /// Density of [`sample`](Self::sample) for the direction of a point of the map.
     #[inline(always)]
-    pub fn pdf_at(&self, point: MapPoint) -> f32 {
-        let column = ((point.u * self.width as f32) as u32).min(self.width - 1);
-        let row = ((point.v * self.height as f32) as u32).min(self.height - 1);
-        self.density.p(column, row) * self.per_steradian[row as usize]
+    fn pdf_at(&self, point: MapPoint) -> f32 {
+        self.pdfs(&MapPoints { u: [point.u], v: [point.v] }, 1)[0]
+    }
+
+    /// Densities of [`sample`](Self::sample) for the directions of points of the map, at the lanes of the bit mask `lanes`.
+    #[inline(always)]
+    pub fn pdfs<const N: usize>(&self, points: &MapPoints<N>, lanes: u16) -> [f32; N] {
+        let (mut columns, mut rows) = ([0; N], [0; N]);
+        for i in 0..N {
+            columns[i] = ((points.u[i] * self.width as f32) as i32).min(self.width as i32 - 1);
+            rows[i] = ((points.v[i] * self.height as f32) as i32).min(self.height as i32 - 1);
+        }
+        let (mut p, mut per_steradian) = ([0.0; N], [0.0; N]);
+        for i in lanes_of(lanes) {
+            p[i] = self.density.p(columns[i] as u32, rows[i] as u32);
+            per_steradian[i] = self.per_steradian[rows[i] as usize];
+        }
+        for i in 0..N {
+            p[i] *= per_steradian[i];
+        }
+        p
     }
 
     /// Radiance from the unit direction `dir`.
     #[inline]
     pub fn radiance(&self, dir: Vec3) -> Vec3 {
-        self.lookup(self.map_point(dir))
+        self.radiance_at(self.map_point(dir))
     }
 
     /// Where in the map the unit direction `dir` lies.
     #[inline(always)]
-    pub fn map_point(&self, dir: Vec3) -> MapPoint {
+    fn map_point(&self, dir: Vec3) -> MapPoint {
         let turned = 0.5 + atan2_turns(dir.x, -dir.z) + self.turn;
         // acos d.y by its legs: exact near the poles, where the cosine hardly changes.
         let sin_theta = (dir.x * dir.x + dir.z * dir.z).sqrt();
         MapPoint { u: turned - turned.floor(), v: 2.0 * atan2_turns(sin_theta, dir.y) }
     }
 
-    /// Radiance at a point of the map: bilinear between texel centres.
-    #[inline]
-    pub fn lookup(&self, point: MapPoint) -> Vec3 {
-        let (width, height) = (self.width as usize, self.height as usize);
-        let x = point.u * width as f32 - 0.5;
-        let y = (point.v * height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
-        let (left, upper) = (x.floor(), y.floor());
-        let (fx, fy) = (x - left, y - upper);
-        let i0 = if left < 0.0 { width - 1 } else { (left as usize).min(width - 1) };
-        let i1 = if i0 + 1 < width { i0 + 1 } else { 0 };
-        let (j0, j1) = (upper as usize, (upper as usize + 1).min(height - 1));
-        let texel = |i: usize, j: usize| self.texels[j * width + i];
-        let above = texel(i0, j0).lerp(texel(i1, j0), fx);
-        let below = texel(i0, j1).lerp(texel(i1, j1), fx);
-        above.lerp(below, fy) * self.intensity
+    /// Where in the map unit directions lie.
+    #[inline(always)]
+    pub fn map_points<const N: usize>(&self, dir: &[[f32; N]; 3]) -> MapPoints<N> {
+        let mut points = MapPoints { u: [0.0; N], v: [0.0; N] };
+        for i in 0..N {
+            let point = self.map_point(Vec3::new(dir[0][i], dir[1][i], dir[2][i]));
+            (points.u[i], points.v[i]) = (point.u, point.v);
+        }
+        points
+    }
+
+    #[inline(always)]
+    fn radiance_at(&self, point: MapPoint) -> Vec3 {
+        Vec3::from_array(self.lookup(&MapPoints { u: [point.u], v: [point.v] }, 1).map(|[channel]| channel))
+    }
+
+    /// Radiance at points of the map, by channel: bilinear between texel centres, at the lanes of the bit mask `lanes`. All texels
+    /// are read before anything is computed from them, so that the waits for memory overlap.
+    #[inline(always)]
+    pub fn lookup<const N: usize>(&self, points: &MapPoints<N>, lanes: u16) -> [[f32; N]; 3] {
+        let (width, height) = (self.width as i32, self.height as i32);
+        // Columns and rows of the texels, and the weights of the second ones.
+        let (mut left, mut right, mut upper, mut lower) = ([0; N], [0; N], [0; N], [0; N]);
+        let (mut fx, mut fy) = ([0.0; N], [0.0; N]);
+        for i in 0..N {
+            let x = points.u[i] * width as f32 - 0.5;
+            // Not `clamp`, whose check of the bounds is a branch.
+            let y = (points.v[i] * height as f32 - 0.5).max(0.0).min((height - 1) as f32);
+            (fx[i], fy[i]) = (x - x.floor(), y - y.floor());
+            let (column, row) = (x.floor() as i32, y.floor() as i32);
+            left[i] = if column < 0 { width - 1 } else { column.min(width - 1) };
+            right[i] = if left[i] + 1 < width { left[i] + 1 } else { 0 };
+            (upper[i], lower[i]) = (row, (row + 1).min(height - 1));
+        }
+        let mut taps = [[[0.0; N]; 3]; 4];
+        for i in lanes_of(lanes) {
+            let (above, below) = (upper[i] as usize * self.width as usize, lower[i] as usize * self.width as usize);
+            let (left, right) = (left[i] as usize, right[i] as usize);
+            for (tap, at) in taps.iter_mut().zip([above + left, above + right, below + left, below + right]) {
+                let texel = self.texels[at];
+                (tap[0][i], tap[1][i], tap[2][i]) = (texel.x, texel.y, texel.z);
+            }
+        }
+        let mut radiance = [[0.0; N]; 3];
+        for (c, radiance) in radiance.iter_mut().enumerate() {
+            for i in 0..N {
+                let above = taps[0][c][i] * (1.0 - fx[i]) + taps[1][c][i] * fx[i];
+                let below = taps[2][c][i] * (1.0 - fx[i]) + taps[3][c][i] * fx[i];
+                radiance[i] = (above * (1.0 - fy[i]) + below * fy[i]) * self.intensity;
+            }
+        }
+        radiance
     }
 }
 
@@ -248,7 +313,7 @@ fn check(environment: &Environment) -> Result<()> {
     if width == 0
         || height == 0
         || width.checked_mul(height) != Some(texels.len())
-        || u32::try_from(width.max(height)).is_err()
+        || i32::try_from(width.max(height)).is_err()
     {
         return wrong("--env", format!("environment: {width} x {height} with {} texels", texels.len()));
     }
