@@ -88,38 +88,32 @@ impl Walk {
         let drawn = root.choose(&self.u);
         self.u = drawn.u;
         self.p = drawn.p;
-        let mut inner = 0;
-        for i in 0..LANES {
+        for i in lanes(walking) {
             self.child[i] = tree.root().child[drawn.slot[i] as usize % WIDTH];
-            inner |= u16::from(self.child[i] & LEAF == 0) << i;
+            walking &= !(leaf(self.child[i]) << i);
         }
-        walking &= inner;
         let mut rows = [[0.0; LANES]; LANES];
         while walking != 0 {
             for i in lanes(walking) {
-                rows[i][..WIDTH].copy_from_slice(&tree.node(self.child[i]).weigh(receivers, i));
+                rows[i][..WIDTH].copy_from_slice(&tree.node(self.child[i]).weigh_inner(receivers, i));
             }
-            let mut shares = Shares::of(&columns::<I>(&rows));
-            let mut dark = 0u16;
-            for i in 0..LANES {
-                dark |= u16::from(!(shares.total()[i] > 0.0)) << i;
-            }
-            if dark & walking != 0 {
-                for i in lanes(dark & walking) {
-                    rows[i][..WIDTH].copy_from_slice(&tree.node(self.child[i]).intensity);
-                }
-                shares = Shares::of(&columns::<I>(&rows));
-            }
-            let drawn = shares.choose(&self.u);
+            // Lanes at rest keep their rows; what comes of them is not looked at.
+            let drawn = Shares::of(&columns::<I>(&rows)).choose(&self.u);
+            self.u = drawn.u;
             for i in lanes(walking) {
-                self.u[i] = drawn.u[i];
                 self.p[i] *= drawn.p[i];
                 self.child[i] = tree.node(self.child[i]).child[drawn.slot[i] as usize % WIDTH];
-                walking &= !(((self.child[i] / LEAF) as u16) << i);
+                walking &= !(leaf(self.child[i]) << i);
             }
         }
         self
     }
+}
+
+/// 1 for a light, 0 for a node.
+#[inline(always)]
+fn leaf(child: u32) -> u16 {
+    (child / LEAF) as u16
 }
 
 /// The first [`WIDTH`] numbers of the rows, as columns.

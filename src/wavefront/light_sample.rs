@@ -128,14 +128,7 @@ impl LightLanes {
 
     /// Points on the chosen emissive surfaces of `drawn` (not empty).
     #[inline(always)]
-    fn draw_areas<I: Isa>(
-        &mut self,
-        context: &Context,
-        chosen: &Chosen,
-        drawn: u16,
-        receiver: &Lane3,
-        u: &[Lane; 4],
-    ) {
+    fn draw_areas<I: Isa>(&mut self, context: &Context, chosen: &Chosen, drawn: u16, receiver: &Lane3, u: &[Lane; 4]) {
         let areas = context.lights.areas();
         let lead = drawn.trailing_zeros() as usize % LANES;
         let rows = std::array::from_fn(|i| {

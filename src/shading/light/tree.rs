@@ -135,7 +135,7 @@ impl Node {
 
     /// Weights of the children for receiver `i`: finite, ≥ 0. A vector of children.
     #[inline(always)]
-    pub fn weigh<const N: usize>(&self, receivers: &Receivers<N>, i: usize) -> [f32; WIDTH] {
+    fn weigh<const N: usize>(&self, receivers: &Receivers<N>, i: usize) -> [f32; WIDTH] {
         let receiver = receivers.get(i);
         let mut weights = [0.0; WIDTH];
         for slot in 0..WIDTH {
@@ -144,7 +144,18 @@ impl Node {
         weights
     }
 
-    /// The same numbers for N receivers that stand before the same node, by child: vectors of receivers.
+    /// The same for a node whose own bound was positive: if no child's is, the intensities decide.
+    #[inline(always)]
+    pub fn weigh_inner<const N: usize>(&self, receivers: &Receivers<N>, i: usize) -> [f32; WIDTH] {
+        let weights = self.weigh(receivers, i);
+        let mut lit = 0;
+        for slot in 0..WIDTH {
+            lit |= u32::from(weights[slot] > 0.0);
+        }
+        if lit != 0 { weights } else { self.intensity }
+    }
+
+    /// What [`weigh`](Self::weigh) finds for N receivers that stand before the same node, by child: vectors of receivers.
     #[inline(always)]
     pub fn weigh_for<const N: usize>(&self, receivers: &Receivers<N>) -> [[f32; N]; WIDTH] {
         let mut weights = [[0.0; N]; WIDTH];
@@ -249,13 +260,13 @@ impl<const N: usize> Shares<N> {
             let total = self.total()[i];
             let at = u[i] * total;
             let (mut slot, mut before, mut after) = (0, 0.0, total);
+            // The last sum that was passed and the first that was not: sums only grow.
             for k in 0..WIDTH - 1 {
-                let passed = self.upto[k][i] <= at;
+                let sum = self.upto[k][i];
+                let passed = sum <= at;
                 slot += u64::from(passed);
-                before = if passed { self.upto[k][i] } else { before };
-            }
-            for k in (0..WIDTH - 1).rev() {
-                after = if self.upto[k][i] > at { self.upto[k][i] } else { after };
+                before = if passed { sum } else { before };
+                after = if !passed & (sum < after) { sum } else { after };
             }
             let share = after - before;
             let left = (at - before) / share;
@@ -338,12 +349,9 @@ impl LightTree {
         &self.nodes[number as usize]
     }
 
-    /// Shares of an inner node. Its parent's bound was positive; if no child's is, the intensities decide.
     #[inline(always)]
     fn shares(&self, node: u32, receiver: &Receivers<1>) -> Shares<1> {
-        let node = self.node(node);
-        let shares = Shares::of(&node.weigh(receiver, 0).map(|weight| [weight]));
-        if shares.total()[0] > 0.0 { shares } else { Shares::of(&node.intensity.map(|weight| [weight])) }
+        Shares::of(&self.node(node).weigh_inner(receiver, 0).map(|weight| [weight]))
     }
 
     /// Draws a light by `u` in [0,1), from a view of positive weight.
