@@ -169,37 +169,39 @@ impl Node {
     }
 }
 
-/// What a child could give a receiver. Written without branches, on lengths in place of angles: with the distance d as
-/// hypotenuse, each angle's cosine and sine are one root, and one division by d² at the end serves all; neither waits for
-/// another.
+/// What a child could give a receiver. Written without branches, with two roots and a division.
 #[inline(always)]
 fn weight(child: Bounds, receiver: Receiver) -> f32 {
     let v = child.center - receiver.p;
-    let distance2 = v.dot(v);
+    let distance2 = larger(v.dot(v), LEAST_DISTANCE2);
     let radius2 = child.radius * child.radius;
     let inside = distance2 <= radius2;
-    let inverse = 1.0 / larger(larger(distance2, NEAR * radius2), LEAST_DISTANCE2);
-    // d · cosine of the half angle under which the sphere is seen; its sine is radius / d.
-    let tangent = larger(distance2 - radius2, LEAST_DISTANCE2).sqrt();
+    let inverse2 = 1.0 / larger(distance2, NEAR * radius2);
+    let inverse = distance2.sqrt() * inverse2;
+    // Sine of the half angle under which the sphere is seen.
+    let sin_seen = child.radius * inverse;
 
-    // At the emitters: the angle to the axis less the cone's and the sphere's, which together are the slack.
-    let along = -child.axis.dot(v);
-    let across = larger(distance2 - along * along, 0.0).sqrt();
-    let cos_slack = child.cos_spread * tangent - child.sin_spread * child.radius;
-    let sin_slack = child.sin_spread * tangent + child.cos_spread * child.radius;
-    let emitted = (along * cos_slack + across * sin_slack) * inverse;
-    // Also where the slack is more than π.
-    let all_round = inside | (sin_slack < 0.0) | (along >= cos_slack);
-    let emitted = if all_round { 1.0 } else { larger(emitted, 0.0) };
-    let emitted = if emitted < child.cos_reach { 0.0 } else { emitted };
+    // At the emitters: the angle to the axis less the cone's, then less the sphere's.
+    let cos_axis = -child.axis.dot(v) * inverse;
+    let sin_axis = larger(1.0 - cos_axis * cos_axis, 0.0).sqrt();
+    let beyond = cos_axis * child.cos_spread + sin_axis * child.sin_spread;
+    let emitted = if cos_axis >= child.cos_spread { 1.0 } else { cos_less(beyond, sin_seen) };
+    let cos_least = if beyond >= 0.0 { child.cos_reach } else { 0.0 };
+    let emitted = if emitted < cos_least { 0.0 } else { larger(emitted, 0.0) };
 
     // At the receiver: the angle to the normal less the sphere's.
-    let above = receiver.n.dot(v);
-    let beside = larger(distance2 - above * above, 0.0).sqrt();
-    let received = (above * tangent + beside * child.radius) * inverse;
-    let received = if inside | (above >= tangent) { 1.0 } else { larger(received, receiver.least_cos) };
+    let received = larger(cos_less(receiver.n.dot(v) * inverse, sin_seen), receiver.least_cos);
+    let seen = if inside { 1.0 } else { emitted * received };
 
-    smaller(child.intensity * inverse, LARGEST_WEIGHT) * emitted * received
+    smaller(child.intensity * inverse2, LARGEST_WEIGHT) * seen
+}
+
+/// A bound of cos(a − b), at most 1, for a in [0,π] and b in [0,π/2], without a root: both roots of
+/// cos a √(1 − sin²b) + sin b √(1 − cos²a) are taken as √(1 − x) ≤ 1 − x/2. For cos a < 0 it is no bound, but above 0 where
+/// cos(a − b) is.
+#[inline(always)]
+fn cos_less(cos_a: f32, sin_b: f32) -> f32 {
+    smaller((cos_a + sin_b) * (1.0 - 0.5 * (cos_a * sin_b)), 1.0)
 }
 
 /// One instruction each, where `f32::max` and `f32::min` are three because of NaN; the second operand if one is NaN.
@@ -213,6 +215,9 @@ fn larger(a: f32, b: f32) -> f32 {
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
+
+/// 2^52: an f64 that counts from here has the count in its lowest bits.
+const NONE_PASSED: f64 = (1u64 << 52) as f64;
 
 /// Weights of a node's children with their sums, for N receivers that may stand before nodes of their own. In f64, where
 /// lights of twelve decades can be told apart.
@@ -259,18 +264,19 @@ impl<const N: usize> Shares<N> {
         for i in 0..N {
             let total = self.total()[i];
             let at = u[i] * total;
-            let (mut slot, mut before, mut after) = (0, 0.0, total);
-            // The last sum that was passed and the first that was not: sums only grow.
+            // The last sum that was passed and the first that was not: sums only grow. Counted in the columns' own width.
+            let (mut slot, mut before, mut after) = (NONE_PASSED, 0.0, total);
             for k in 0..WIDTH - 1 {
                 let sum = self.upto[k][i];
                 let passed = sum <= at;
-                slot += u64::from(passed);
+                slot = if passed { slot + 1.0 } else { slot };
                 before = if passed { sum } else { before };
-                after = if !passed & (sum < after) { sum } else { after };
+                let ahead = if passed { f64::INFINITY } else { sum };
+                after = if ahead < after { ahead } else { after };
             }
             let share = after - before;
             let left = (at - before) / share;
-            drawn.slot[i] = slot;
+            drawn.slot[i] = slot.to_bits() % WIDTH as u64;
             drawn.p[i] = share / total;
             drawn.u[i] = if left < BELOW_ONE { left } else { BELOW_ONE };
         }
