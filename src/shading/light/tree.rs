@@ -245,8 +245,8 @@ impl<const N: usize> Shares<N> {
         for slot in 0..WIDTH {
             for i in 0..N {
                 sum[i] += f64::from(weights[slot][i]);
-                upto[slot][i] = sum[i];
             }
+            upto[slot] = sum;
         }
         Shares { upto }
     }
