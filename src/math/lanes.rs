@@ -7,7 +7,8 @@ pub fn lanes_of(mut mask: u16) -> impl Iterator<Item = usize> {
         (mask != 0).then(|| {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            lane
+            // So that no index of sixteen has to be checked.
+            lane % 16
         })
     })
 }

@@ -84,8 +84,9 @@ pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
     let strategies = [Strategy::MisPower, Strategy::MisBalance, Strategy::LightOnly, Strategy::BsdfOnly];
     let roulettes = [Roulette::On, Roulette::Off];
     // The loop over all triangles has no business with pictures.
-    let backends: Vec<BackendKind> =
-        BackendKind::available().iter().copied().filter(|b| *b != BackendKind::Brute).collect();
+    let others = BackendKind::available().iter().copied();
+    let others = others.filter(|b| *b != BackendKind::Brute && *b != backend_of(base));
+    let backends: Vec<BackendKind> = std::iter::once(backend_of(base)).chain(others).collect();
     let mut list = vec![Setting { name: "default".into(), role: Role::Default, options: base.clone() }];
     for &backend in &backends {
         for roulette in roulettes {

@@ -134,7 +134,11 @@ mod avx512 {
     #[inline]
     #[target_feature(enable = "avx512f")]
     fn transpose(rows: [&[f32; LANES]; LANES]) -> [[f32; LANES]; LANES] {
-        let r = rows.map(|row| _mm512_castsi512_ps(load(bytemuck::cast_ref(row))));
+        // A closure in the place of the loop may stay a call.
+        let mut r = [_mm512_setzero_ps(); LANES];
+        for (register, row) in r.iter_mut().zip(rows) {
+            *register = _mm512_castsi512_ps(load(bytemuck::cast_ref(row)));
+        }
         let pd = |x| _mm512_castps_pd(x);
         let mut quads = [_mm512_setzero_ps(); LANES];
         for k in (0..LANES).step_by(4) {

@@ -1,10 +1,18 @@
-//! Light samples for sixteen receivers. One area light is sampled in columns; lights that have to be chosen, and other
-//! kinds, lane by lane: the numbers are those of [`Lights::sample`](crate::shading::light::Lights::sample).
+//! Light samples for sixteen receivers. One area light is sampled in columns; where lights have to be chosen, the choice and
+//! the points on emissive surfaces are; other kinds go lane by lane. The numbers are those of
+//! [`Lights::sample`](crate::shading::light::Lights::sample).
 
-use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set};
+use super::choose::{self, Chosen};
+use super::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set, spread};
+use super::isa::Isa;
 use super::{Context, emission};
 use crate::backend::batch::LANES;
+use crate::math::lanes::lanes_of;
+use crate::shading::light::area::AreaLight;
 use crate::shading::light::environment::EnvironmentLight;
+use crate::shading::light::select::ByReceiver;
+use crate::shading::light::tree::Receivers;
+use crate::shading::light::{self, LightSample};
 
 /// A light sample for each lane.
 #[repr(C, align(64))]
@@ -31,7 +39,7 @@ impl LightLanes {
     /// Draws a light and a point on it for the lanes of `active`, by the first three numbers of `u`. Receivers are where
     /// rays will start; `n` are their shading normals.
     #[inline(always)]
-    pub fn sample(context: &Context, active: &Mask, receiver: &Lane3, n: &Lane3, u: &[Lane; 4]) -> Self {
+    pub fn sample<I: Isa>(context: &Context, active: &Mask, receiver: &Lane3, n: &Lane3, u: &[Lane; 4]) -> Self {
         let mut light = LightLanes {
             wi: [ZERO, ZERO, [1.0; LANES]],
             radiance: ZERO3,
@@ -55,11 +63,12 @@ impl LightLanes {
             }
         } else if let Some(environment) = context.lights.only_environment() {
             light.draw_environment(environment, active, u);
+        } else if let Some(by_receiver) = context.lights.by_receiver() {
+            light.choose::<I>(context, by_receiver, active, (receiver, n), u);
         } else {
-            for i in 0..LANES {
-                if active[i] != 0 {
-                    light.choose(context, i, receiver, n, u);
-                }
+            for i in (0..LANES).filter(|&i| active[i] != 0) {
+                let chosen = context.lights.sample(get(receiver, i), get(n, i), [u[0][i], u[1][i], u[2][i]]);
+                light.put(context, i, chosen);
             }
         }
         light
@@ -83,10 +92,77 @@ impl LightLanes {
         self.infinite = [1; LANES];
     }
 
+    /// Chooses lights, then draws points: on the emissive surfaces among them in columns.
     #[inline(always)]
-    fn choose(&mut self, context: &Context, i: usize, receiver: &Lane3, n: &Lane3, u: &[Lane; 4]) {
-        let chosen = context.lights.sample(get(receiver, i), get(n, i), [u[0][i], u[1][i], u[2][i]]);
-        let Some(sample) = chosen else { return };
+    fn choose<I: Isa>(
+        &mut self,
+        context: &Context,
+        by_receiver: &ByReceiver,
+        active: &Mask,
+        (receiver, n): (&Lane3, &Lane3),
+        u: &[Lane; 4],
+    ) {
+        let mut refined = [0.0; LANES];
+        for i in 0..LANES {
+            refined[i] = light::refined([u[0][i], u[1][i], u[2][i]]);
+        }
+        let chosen = choose::choose::<I>(by_receiver, active, &Receivers::new(*receiver, *n), &refined);
+        let areas = context.lights.areas();
+        let (mut on_areas, mut elsewhere) = (0u16, 0u16);
+        for i in lanes_of(bits(active)) {
+            let found = chosen.p_select[i] > 0.0;
+            let area = (chosen.light[i] as usize) < areas.len();
+            on_areas |= u16::from(found & area) << i;
+            elsewhere |= u16::from(found & !area) << i;
+        }
+        if on_areas != 0 {
+            self.draw_areas::<I>(context, &chosen, on_areas, receiver, u);
+        }
+        for i in lanes_of(elsewhere) {
+            let sample = context.lights.sample_chosen(&chosen.get(i), get(receiver, i), [u[1][i], u[2][i]]);
+            self.put(context, i, sample);
+        }
+    }
+
+    /// Points on the chosen emissive surfaces of `drawn` (not empty).
+    #[inline(always)]
+    fn draw_areas<I: Isa>(&mut self, context: &Context, chosen: &Chosen, drawn: u16, receiver: &Lane3, u: &[Lane; 4]) {
+        let areas = context.lights.areas();
+        let lead = drawn.trailing_zeros() as usize % LANES;
+        let rows = std::array::from_fn(|i| {
+            let lane = if drawn >> i & 1 == 1 { i } else { lead };
+            bytemuck::cast_ref(&areas[chosen.light[lane] as usize])
+        });
+        let columns = I::transpose(rows);
+        let drawn_lanes = spread(drawn);
+        let mut weights = [ZERO; 2];
+        for i in 0..LANES {
+            let point = AreaLight::of_column(&columns, i).point(get(receiver, i), [u[1][i], u[2][i]]);
+            let pdf_sa = point.pdf_sa * chosen.p_select[i];
+            let usable = (drawn_lanes[i] != 0) & (point.pdf_sa > 0.0) & (pdf_sa < f32::INFINITY);
+            self.pdf_sa[i] = if usable { pdf_sa } else { 0.0 };
+            set(&mut self.wi, i, point.wi);
+            set(&mut self.target, i, point.position);
+            set(&mut self.normal, i, point.normal);
+            self.error[i] = point.error;
+            weights[0][i] = point.barycentric[0];
+            weights[1][i] = point.barycentric[1];
+        }
+        for i in lanes_of(drawn) {
+            let light = &areas[chosen.light[i] as usize];
+            let emission = context.lights.emission(light.material());
+            let mut radiance = emission.radiance();
+            if emission.is_textured() && self.pdf_sa[i] > 0.0 {
+                radiance *= emission::texel(context, &light.texture_point([weights[0][i], weights[1][i]]));
+            }
+            set(&mut self.radiance, i, radiance);
+        }
+    }
+
+    /// A sample that came by itself.
+    #[inline(always)]
+    fn put(&mut self, context: &Context, i: usize, sample: Option<LightSample>) {
+        let Some(sample) = sample else { return };
         let mut radiance = sample.radiance;
         if let Some(point) = sample.texture_point {
             radiance *= emission::texel(context, &point);

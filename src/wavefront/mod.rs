@@ -7,6 +7,7 @@
 pub mod accumulate;
 pub mod alpha;
 pub mod capped;
+pub mod choose;
 pub mod classify;
 pub mod columns;
 pub mod emission;

@@ -141,7 +141,7 @@ fn shade_block<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(
         let lit = bsdfs.lit(&vertices, plan.features.lights_at_deltas);
         if bits(&lit) != 0 {
             let n = bsdfs.receiver_n(&vertices);
-            let mut light = LightLanes::sample(context, &lit, &vertices.receivers(), &n, &u_light);
+            let mut light = LightLanes::sample::<I>(context, &lit, &vertices.receivers(), &n, &u_light);
             shadow_rays::<_, I>(context, &vertices, &bsdfs, &lit, &mut light, paths, outputs.shadows);
         }
     }

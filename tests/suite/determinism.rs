@@ -13,6 +13,11 @@ use crate::common::{options, render};
 
 /// A room with a lamp, a metal ball and a glass one.
 pub fn room() -> Scene {
+    furnished(false)
+}
+
+/// The [`room`], with a ball of small lamps in it if asked for: lights have to be chosen then.
+fn furnished(ball_of_lamps: bool) -> Scene {
     let mut b = SceneBuilder::new();
     let white = b.lambert(Vec3::splat(0.7));
     let light = b.emitter(Vec3::ZERO, Vec3::splat(4.0));
@@ -22,6 +27,9 @@ pub fn room() -> Scene {
     b.quad([[-0.3, 0.99, -0.3], [0.3, 0.99, -0.3], [0.3, 0.99, 0.3], [-0.3, 0.99, 0.3]].map(Vec3::from), light);
     b.sphere(Vec3::new(-0.4, -0.6, -0.3), 0.4, 12, false, true, metal);
     b.sphere(Vec3::new(0.4, -0.65, 0.1), 0.35, 12, false, true, glass);
+    if ball_of_lamps {
+        b.sphere(Vec3::new(0.5, 0.4, -0.6), 0.2, 8, false, true, light);
+    }
     b.camera(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, Vec3::Y, 1.4);
     b.build()
 }
@@ -29,8 +37,8 @@ pub fn room() -> Scene {
 /// Our own code compiled for AVX-512 and for AVX2, over the same hits. (On a processor without AVX-512 they are the same.)
 #[test]
 fn both_instruction_sets_of_the_wavefront_give_the_same_bits() {
-    let scene = room();
-    for lens in [None, Some(Lens { radius_m: 0.02, focus_m: 1.2 })] {
+    let lens = Some(Lens { radius_m: 0.02, focus_m: 1.2 });
+    for (scene, lens) in [(room(), None), (room(), lens), (furnished(true), None)] {
         let hash = |isa: Option<&str>| {
             let isa = isa.map(String::from);
             let backend = Some(BackendKind::Obvhs);

@@ -259,7 +259,11 @@ fn the_hidden_flag_runs_every_stage_and_changes_no_bit() {
 fn small_scenes_take_no_hierarchy() {
     let first = BackendKind::available()[0];
     let taken = |scene: &Scene, options: RenderOptions| Renderer::new(scene, options).expect("renders").plan().backend;
-    let small = diffuse();
+    let small = {
+        let mut builder = SceneBuilder::new();
+        room(&mut builder);
+        builder.build()
+    };
     assert_eq!(taken(&small, options(8, 8, 1)), BackendKind::Flat);
     let rays = RenderOptions { rays: Some(QueryMode::Packet8), ..options(8, 8, 1) };
     assert_eq!(taken(&small, rays), first);

@@ -7,7 +7,10 @@ use pathspace::scene::geometry::Geometry;
 use pathspace::scene::{PunctualKind, PunctualLight, Scene};
 use pathspace::shading::light::grow::Emitter;
 use pathspace::shading::light::select::{Distant, Selection, Selector};
+use pathspace::shading::light::tree::Receivers;
 use pathspace::shading::light::{Lights, punctual};
+use pathspace::wavefront::choose::choose;
+use pathspace::wavefront::isa::Baseline;
 use pathspace_stat::chi2_test;
 
 use crate::common::Estimate;
@@ -93,6 +96,47 @@ fn chosen_probability_is_the_probability_of_the_light() {
             }
         }
     }
+}
+
+/// Exact: sixteen walks side by side end where one by itself does, with the same probability in every bit; lanes that are
+/// not asked for have none.
+#[test]
+fn sixteen_choices_are_those_of_one() {
+    const N: usize = 16;
+    let mut random = Random(6);
+    let (mut found, mut dark, mut far) = (0, 0, 0);
+    for count in [2u32, 9, 300, 5000] {
+        let near = emitters(count, &mut random);
+        let distant: Vec<Distant> = (0..2).map(|i| Distant { light: count + i, irradiance: 3.0 }).collect();
+        for distant in [&distant[..0], &distant[..2]] {
+            let selector = selector(&near, distant);
+            let by_receiver = selector.by_receiver().expect("several lights at finite distances");
+            for _ in 0..1 << 8 {
+                let receivers = receivers(N, &mut random);
+                let active: [u32; N] = std::array::from_fn(|_| u32::from(random.unit() < 0.7));
+                let u: [f64; N] = std::array::from_fn(|_| f64::from(random.unit()));
+                let column = |of: fn(&(Vec3, Vec3)) -> Vec3| {
+                    std::array::from_fn(|axis| std::array::from_fn(|i| of(&receivers[i])[axis]))
+                };
+                let columns = Receivers::new(column(|r| r.0), column(|r| r.1));
+                let chosen = choose::<Baseline>(by_receiver, &active, &columns, &u);
+                for i in 0..N {
+                    let expected = selector.select(receivers[i].0, receivers[i].1, u[i]).filter(|_| active[i] != 0);
+                    let (light, p_select) = (chosen.light[i], chosen.p_select[i]);
+                    match expected {
+                        None => assert_eq!(p_select, 0.0),
+                        Some(one) => {
+                            assert_eq!((light, p_select.to_bits()), (one.light, one.p_select.to_bits()));
+                        }
+                    }
+                    found += u32::from(expected.is_some());
+                    dark += u32::from(expected.is_none() && active[i] != 0);
+                    far += u32::from(expected.is_some_and(|one| one.light >= count));
+                }
+            }
+        }
+    }
+    assert!(found > 10_000 && dark > 10 && far > 100, "{found} found, {dark} dark, {far} at infinity");
 }
 
 /// Lights are chosen as often as reported: chi-square over 200 lights and two at infinity, for 12 receivers.

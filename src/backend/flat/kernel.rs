@@ -7,6 +7,7 @@ use super::faces::{Corner, Face, Faces};
 use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
 use crate::math::float::UNIT_ROUNDOFF;
 use crate::math::isa::Widened;
+use crate::math::lanes::lanes_of;
 
 /// "No face yet": the spare corner behind the last one is looked up instead.
 const NOTHING: u32 = u32::MAX;
@@ -212,18 +213,10 @@ fn blocks<const N: usize>(face: &Face<N>, corner: &Corner, rays: &Rays, blocked:
     }
 }
 
-/// The lanes with a mark, in order. Seldom any.
+/// The lanes with a mark, ascending. Seldom any.
 #[inline(always)]
 fn marked(marks: &[u32; LANES]) -> impl Iterator<Item = usize> {
-    let mut mask = 0u32;
-    for i in 0..LANES {
-        mask |= marks[i] << i;
-    }
-    std::iter::from_fn(move || {
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask.wrapping_sub(1);
-        (lane < LANES).then_some(lane)
-    })
+    lanes_of(marks.iter().enumerate().fold(0, |mask, (i, &mark)| mask | (mark as u16) << i))
 }
 
 /// Where a ray meets a face of `N` edges, in f64.
@@ -259,9 +252,7 @@ fn resolve(faces: &Faces, block: &mut RayHitBlock, best: &Column, found: &[u32; 
         grazing |= u16::from(oblique) << i;
     }
     let mut t = *best;
-    while grazing != 0 {
-        let i = grazing.trailing_zeros() as usize;
-        grazing &= grazing - 1;
+    for i in lanes_of(grazing) {
         // Nothing to tell of a ray in the plane itself: the corner, at the distance that was found.
         let (exact_t, a, b) = exact(corners[i], ray, i).unwrap_or((f64::from(best[i]), 0.0, 0.0));
         (t[i], alpha[i], beta[i]) = (exact_t as f32, a as f32, b as f32);

@@ -10,6 +10,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use super::grow::Emitter;
@@ -62,7 +63,7 @@ impl Emission {
 
 /// An emissive triangle, or two of them that make up a parallelogram: a cache line of what drawing a point needs.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct AreaLight {
     v0: [f32; 3],
     e1: [f32; 3],
@@ -155,6 +156,34 @@ impl AreaLight {
         })
     }
 
+    /// The light whose record stands in column `i`: one number a row, in the order of the fields.
+    #[inline(always)]
+    pub fn of_column<const N: usize>(rows: &[[f32; N]; 16], i: usize) -> Self {
+        let vector = |first: usize| [rows[first][i], rows[first + 1][i], rows[first + 2][i]];
+        AreaLight {
+            v0: vector(0),
+            e1: vector(3),
+            e2: vector(6),
+            n_g: vector(9),
+            area_m2: rows[12][i],
+            error: rows[13][i],
+            triangle: rows[14][i].to_bits(),
+            material: rows[15][i].to_bits(),
+        }
+    }
+
+    /// Index into the materials.
+    #[inline(always)]
+    pub fn material(&self) -> u32 {
+        self.material
+    }
+
+    /// Where the emission of a textured triangle has to be looked up, by the weights of its second and third corner.
+    #[inline(always)]
+    pub fn texture_point(&self, barycentric: [f32; 2]) -> TexturePoint {
+        TexturePoint { triangle: self.triangle, barycentric }
+    }
+
     /// What the choice of a light has to know. The intensity is 0 for a triangle without area.
     pub fn emitter(&self, light: u32, emissions: &[Emission]) -> Emitter {
         let (v0, e1, e2) = (Vec3::from(self.v0), Vec3::from(self.e1), Vec3::from(self.e2));
@@ -196,7 +225,7 @@ impl AreaLight {
             wi,
             target: Some(LightPoint { position, normal, error }),
             radiance: emission.radiance,
-            texture_point: emission.textured.then_some(TexturePoint { triangle: self.triangle, barycentric }),
+            texture_point: emission.textured.then_some(self.texture_point(barycentric)),
             pdf_sa,
             delta: false,
         })

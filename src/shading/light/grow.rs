@@ -10,7 +10,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::tree::{LEAF, LEAST_DISTANCE2, LightTree, NEAR, NO_PATH, Node, SLOT_BITS, WIDTH};
+use super::tree::{LEAF, LightTree, NO_PATH, Node, SLOT_BITS, WIDTH};
 
 /// Planes that are tried along an axis, plus one.
 const BINS: usize = 16;
@@ -115,12 +115,12 @@ impl LightTree {
         let scale = extent2 / brightest;
         let mut tree = LightTree { nodes: Vec::new(), paths: vec![NO_PATH; lights], unit: 1.0 / scale };
         let count = emitters.len();
-        tree.node(&mut emitters, 0..count, scale, 0, 0);
+        tree.append(&mut emitters, 0..count, scale, 0, 0);
         tree
     }
 
     /// Appends the node over a run of emitters; `path` leads to it.
-    fn node(
+    fn append(
         &mut self,
         emitters: &mut [Emitter],
         range: std::ops::Range<usize>,
@@ -139,7 +139,7 @@ impl LightTree {
                 self.paths[light as usize] = path;
                 LEAF | light
             } else {
-                self.node(emitters, part.range, scale, level + 1, path)
+                self.append(emitters, part.range, scale, level + 1, path)
             };
             self.nodes[number as usize].child[slot] = child;
         }
@@ -228,9 +228,7 @@ fn bound(node: &mut Node, slot: usize, emitters: &[Emitter], scale: f64) {
     for (axis_of, value) in node.axis.iter_mut().zip(axis.to_array()) {
         axis_of[slot] = value;
     }
-    let radius = (radius2.sqrt() * RADIUS_ROUNDING) as f32;
-    node.radius[slot] = radius;
-    node.falloff[slot] = 1.0 / (NEAR * radius * radius).max(LEAST_DISTANCE2);
+    node.radius[slot] = (radius2.sqrt() * RADIUS_ROUNDING) as f32;
     node.cos_spread[slot] = spread.cos() as f32;
     node.sin_spread[slot] = spread.sin().max(0.0) as f32;
     node.cos_reach[slot] = reach.cos() as f32 - REACH_ROUNDING;

@@ -21,7 +21,7 @@ pub mod tree;
 
 use area::{AreaLight, Emission, Members};
 use environment::{EnvironmentLight, Seen};
-use select::{Distant, Selection, Selector};
+use select::{ByReceiver, Distant, Selected, Selection, Selector};
 
 /// A point on a light, drawn for a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -194,7 +194,12 @@ impl Lights {
     #[inline]
     pub fn sample(&self, p: Vec3, n: Vec3, u: [f32; 3]) -> Option<LightSample> {
         let chosen = self.selector.select(p, n, refined(u))?;
-        let uv = [u[1], u[2]];
+        self.sample_chosen(&chosen, p, [u[1], u[2]])
+    }
+
+    /// The second half of [`sample`](Self::sample): a point on a light that was chosen.
+    #[inline]
+    pub fn sample_chosen(&self, chosen: &Selected, p: Vec3, uv: [f32; 2]) -> Option<LightSample> {
         let number = chosen.light as usize;
         let mut sample = if let Some(light) = self.areas.get(number) {
             light.sample(&self.emissions[light.material as usize], p, uv)
@@ -226,6 +231,25 @@ impl Lights {
         let emission = &self.emissions[light.material as usize];
         (self.selector.p_select(0, Vec3::ZERO, Vec3::ZERO) == 1.0 && !emission.is_textured())
             .then(|| (light, emission.radiance()))
+    }
+
+    /// How lights are chosen where the receiver counts: the first half of [`sample`](Self::sample) for many receivers at
+    /// once.
+    #[inline(always)]
+    pub fn by_receiver(&self) -> Option<&ByReceiver> {
+        self.selector.by_receiver()
+    }
+
+    /// Emissive triangles and parallelograms, by number of the light.
+    #[inline(always)]
+    pub fn areas(&self) -> &[AreaLight] {
+        &self.areas
+    }
+
+    /// What a material emits.
+    #[inline(always)]
+    pub fn emission(&self, material: u32) -> &Emission {
+        &self.emissions[material as usize]
     }
 
     /// Area of an emissive triangle or of the parallelogram it belongs to, m²; what [`EmitterHit`] wants.
@@ -278,11 +302,11 @@ impl Lights {
 /// `u[0]` with the bits below its lattice of 2^-24 drawn from the other two numbers: among millions of lights most
 /// probabilities lie below one step.
 #[inline(always)]
-fn refined([u, v, w]: [f32; 3]) -> f64 {
+pub fn refined([u, v, w]: [f32; 3]) -> f64 {
     let lattice = |x: f32| (x * (1 << 24) as f32) as i32 as u32;
     let mixed = (lattice(v).wrapping_mul(0x9E37_79B1) ^ lattice(w)).wrapping_mul(0x85EB_CA6B);
     const SCALE: f64 = 1.0 / (1u64 << 48) as f64;
-    f64::from(u) + f64::from(mixed >> 8) * SCALE
+    f64::from(u) + f64::from((mixed >> 8) as i32) * SCALE
 }
 
 /// What a colour counts where one number is needed.

@@ -5,7 +5,7 @@
 use glam::Vec3;
 
 use super::grow::Emitter;
-use super::tree::LightTree;
+use super::tree::{BELOW_ONE, LightTree};
 use crate::math::table::{AliasTable, TableError};
 
 /// A chosen light.
@@ -50,12 +50,18 @@ enum Choice {
     Dark,
     Single(u32),
     Distant(DistantTable),
-    Receiver {
-        tree: LightTree,
-        distant: Option<DistantTable>,
-        /// Irradiance of all lights at infinity, in the unit of the tree.
-        distant_weight: f64,
-    },
+    Receiver(ByReceiver),
+}
+
+/// Lights of which some are at a finite distance.
+#[derive(Clone, Debug)]
+pub struct ByReceiver {
+    /// Those at a finite distance.
+    pub tree: LightTree,
+    /// The others.
+    distant: Option<DistantTable>,
+    /// Irradiance of all lights at infinity, in the unit of the tree; 0 without them.
+    pub distant_weight: f64,
 }
 
 /// Lights at infinity, drawn in proportion to their irradiance.
@@ -111,7 +117,7 @@ impl Selector {
             _ => {
                 let tree = LightTree::grow(near, lights);
                 let distant_weight = distant.iter().map(|light| light.irradiance).sum::<f64>() / tree.unit;
-                Choice::Receiver { tree, distant: DistantTable::new(distant)?, distant_weight }
+                Choice::Receiver(ByReceiver { tree, distant: DistantTable::new(distant)?, distant_weight })
             }
         };
         Ok(Selector { choice })
@@ -123,7 +129,7 @@ impl Selector {
             Choice::Dark => Selection::Dark,
             Choice::Single(_) => Selection::Single,
             Choice::Distant(_) => Selection::Power,
-            Choice::Receiver { .. } => Selection::Receiver,
+            Choice::Receiver(_) => Selection::Receiver,
         }
     }
 
@@ -136,27 +142,7 @@ impl Selector {
             Choice::Dark => None,
             &Choice::Single(light) => Some(Selected { light, p_select: 1.0 }),
             Choice::Distant(table) => Some(table.select(u)),
-            Choice::Receiver { tree, distant, distant_weight } => {
-                let view = tree.view(p, n);
-                let total = view.weight() + distant_weight;
-                if !(total > 0.0) {
-                    return None;
-                }
-                let at = u * total;
-                match distant {
-                    Some(table) if at < *distant_weight => {
-                        let selected = table.select(at / distant_weight);
-                        let p_select = (distant_weight / total * f64::from(selected.p_select)) as f32;
-                        Some(Selected { p_select, ..selected })
-                    }
-                    _ => {
-                        let u = (at - distant_weight).max(0.0) / view.weight();
-                        let leaf = tree.select(&view, p, n, u.min(1.0 - f64::EPSILON / 2.0));
-                        let p_select = (view.weight() / total * leaf.p) as f32;
-                        Some(Selected { light: leaf.light, p_select })
-                    }
-                }
-            }
+            Choice::Receiver(choice) => choice.select(p, n, u),
         }
     }
 
@@ -168,20 +154,64 @@ impl Selector {
             Choice::Dark => 0.0,
             Choice::Single(only) => f32::from(u8::from(*only == light)),
             Choice::Distant(table) => table.p(light),
-            Choice::Receiver { tree, distant, distant_weight } => {
-                let view = tree.view(p, n);
-                let total = view.weight() + distant_weight;
-                if !(total > 0.0) {
-                    0.0
-                } else if !tree.holds(light) {
-                    let within = distant.as_ref().map_or(0.0, |table| table.p(light));
-                    (distant_weight / total * f64::from(within)) as f32
-                } else if view.weight() > 0.0 {
-                    (view.weight() / total * tree.p(&view, p, n, light)) as f32
-                } else {
-                    0.0
-                }
-            }
+            Choice::Receiver(choice) => choice.p_select(light, p, n),
         }
     }
+
+    /// The choice that looks at the receiver, where it is made.
+    #[inline(always)]
+    pub fn by_receiver(&self) -> Option<&ByReceiver> {
+        match &self.choice {
+            Choice::Receiver(choice) => Some(choice),
+            _ => None,
+        }
+    }
+}
+
+impl ByReceiver {
+    #[inline]
+    fn select(&self, p: Vec3, n: Vec3, u: f64) -> Option<Selected> {
+        let view = self.tree.view(p, n);
+        let total = view.weight() + self.distant_weight;
+        if !(total > 0.0) {
+            return None;
+        }
+        let at = u * total;
+        if at < self.distant_weight {
+            return Some(self.select_distant(at, total));
+        }
+        let leaf = self.tree.select(&view, within((at - self.distant_weight) / view.weight()));
+        Some(Selected { light: leaf.light, p_select: (view.weight() / total * leaf.p) as f32 })
+    }
+
+    /// The light at infinity for the number `at` below their weight, out of the weight of all.
+    #[inline]
+    pub fn select_distant(&self, at: f64, total: f64) -> Selected {
+        // Without such lights no number is below their weight.
+        let Some(table) = &self.distant else { return Selected { light: u32::MAX, p_select: 0.0 } };
+        let selected = table.select(at / self.distant_weight);
+        Selected { p_select: (self.distant_weight / total * f64::from(selected.p_select)) as f32, ..selected }
+    }
+
+    #[inline]
+    fn p_select(&self, light: u32, p: Vec3, n: Vec3) -> f32 {
+        let view = self.tree.view(p, n);
+        let total = view.weight() + self.distant_weight;
+        if !(total > 0.0) {
+            0.0
+        } else if !self.tree.holds(light) {
+            let within = self.distant.as_ref().map_or(0.0, |table| table.p(light));
+            (self.distant_weight / total * f64::from(within)) as f32
+        } else if view.weight() > 0.0 {
+            (view.weight() / total * self.tree.p(&view, light)) as f32
+        } else {
+            0.0
+        }
+    }
+}
+
+/// A number that rounding may have brought to 1, below it.
+#[inline(always)]
+pub fn within(u: f64) -> f64 {
+    if u < BELOW_ONE { u } else { BELOW_ONE }
 }
