@@ -6,7 +6,7 @@ use std::fmt::Write;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::measure::Study;
+use super::findings::Study;
 use super::plot::{self, escaped};
 use super::reference::values;
 use super::report::{Report, Row};
