@@ -2,6 +2,7 @@
 //! fills [`findings`], [`report`] turns
 //! the runs into numbers with intervals ([`runs`]), and [`table`] and [`html`] show them.
 
+pub mod axes;
 pub mod clock;
 pub mod findings;
 pub mod html;
