@@ -220,15 +220,19 @@ fn draw(series: &[Series], x: &str, title: &str) -> String {
         }
         let end = s.points.last().expect("a series has points");
         let fit = s.fit();
-        names.push((plot.place(end.0, end.1), format!("{} (exponent {:.2})", s.name, fit.slope)));
+        let mark = if dash.is_empty() { "●" } else { "○" };
+        let name = format!("{mark} {} (exponent {:.2})", s.name, fit.slope);
+        names.push((plot.place(end.0, end.1), colour, name));
     }
     // Names in the order of their lines, pushed apart where these are close.
     names.sort_by(|a, b| a.0.1.total_cmp(&b.0.1));
     let mut free = 0.0f64;
-    for ((x, y), name) in names {
+    for ((x, y), colour, name) in names {
         let y = (y + 4.0).max(free);
         free = y + 15.0;
+        plot.body += &format!("<g style=\"fill:var(--c{colour})\">\n");
         plot.text((x + 10.0, y), "start", &name);
+        plot.body += "</g>\n";
     }
     plot.svg(title)
 }
