@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates robustness test hard golden fuzz test-nolib lint setup setup-nolib setup-lint setup-gates setup-fuzz
+.PHONY: help render bench gates robustness scaling test hard golden fuzz test-nolib lint setup setup-nolib setup-lint setup-gates setup-fuzz
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
@@ -18,7 +18,9 @@ help:
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
 	@echo 'make robustness   set up, build, print what each robust choice costs and what breaks without it (a minute)'
-	@echo 'make fuzz         set up, build, feed mutated scene files to the loader for a minute (FUZZ_SECONDS=600: ten)'
+	@echo 'make scaling      set up, build, print how cost grows with triangles and samples, with exponents (two minutes once built)'
+	@echo 'make fuzz         set up, build, feed mutated scene files to the loader for a minute (FUZZ_SECONDS=600: ten);'
+	@echo '                  what breaks it lies in fuzz/target/findings, scripts/fuzz.sh FILE replays it'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
 	@echo '                  setup-nolib: without Embree and OpenImageIO; setup-lint: rustfmt and clippy; setup-gates: valgrind; setup-fuzz: C++'
@@ -55,6 +57,10 @@ gates: setup-gates
 # What each choice for robustness costs, and what breaks without it.
 robustness: setup
 	cargo bench --bench robustness
+
+# How cost grows with triangles and with samples.
+scaling: setup
+	cargo bench --bench scaling
 
 test: setup
 	cargo test --workspace $(TESTS)

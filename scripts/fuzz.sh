@@ -1,32 +1,70 @@
 #!/usr/bin/env bash
-# Feeds mutated scene files to the loader for a while, guided by coverage. Usage: scripts/fuzz.sh [SECONDS]      (60 by default)
-# The target is cargo-fuzz's (fuzz/fuzz_targets/gltf.rs), built here without cargo-fuzz and without a nightly compiler: LLVM's coverage
-# pass is a stable codegen option, and libFuzzer comes as a crate. What only a nightly has, AddressSanitizer, finds little in code
-# without `unsafe`. Needs a C++ compiler (scripts/setup.sh fuzz). Exit code 0 if nothing was found; else the file that
-# broke the loader lies in fuzz/target/. Inputs that reached new code are kept in fuzz/target/corpus and used again.
+# Feeds mutated scene files to the loader for a while, guided by coverage. Usage: scripts/fuzz.sh [SECONDS | INPUT]
+#   SECONDS  how long, 60 by default; the first random number is always the same
+#   INPUT    a file: loads it once, which is how a finding is replayed
+# The target is cargo-fuzz's (fuzz/fuzz_targets/gltf.rs), built by the stable compiler without cargo-fuzz: LLVM's coverage pass is a
+# stable codegen option, and libFuzzer comes as a crate. One flag here is not stable, hence RUSTC_BOOTSTRAP for this build alone:
+# -Zhint-mostly-unused compiles of each crate only what the target calls, so that the kernels, which the loader never calls, cost
+# nothing (under 3 minutes of processor time instead of 6). What only a nightly has, AddressSanitizer, finds little in code without
+# `unsafe`.
+# Needs a C++ compiler (scripts/setup.sh fuzz). Writes to fuzz/target (or PATHSPACE_FUZZ_TARGET) alone; inputs that reached new
+# code are kept in its folder corpus and used again. Exit code 0 if nothing was found; else the last lines say which input broke
+# the loader, and how to replay it.
 
 set -euo pipefail
-cd "$(dirname "$(readlink -f "$0")")/../fuzz"
+root=$(dirname "$(dirname "$(readlink -f "$0")")")
+readonly root
 
-readonly SECONDS_MAX=${1:-60}
+seconds=60 input=
+case "${1:-}" in
+  '') ;;
+  *[!0-9]*) input=$(readlink -e -- "$1") || { printf 'fuzz: %s is neither a number of seconds nor a file\n' "$1" >&2; exit 2; } ;;
+  *) seconds=$1 ;;
+esac
+cd "$root/fuzz"
 host=$(rustc -vV | sed -n 's/^host: //p')
 readonly host
 
 # Flags for the target alone, so that build scripts and macros are built without.
 flags=(
-  --cfg fuzzing -C codegen-units=1 -C target-cpu=x86-64-v3
+  --cfg fuzzing -Z hint-mostly-unused
   -C passes=sancov-module
   -C llvm-args=-sanitizer-coverage-level=4
   -C llvm-args=-sanitizer-coverage-inline-8bit-counters
   -C llvm-args=-sanitizer-coverage-pc-table
   -C llvm-args=-sanitizer-coverage-trace-compares
 )
-export CARGO_TARGET_DIR=${PATHSPACE_FUZZ_TARGET:-$PWD/target}
-RUSTFLAGS="${flags[*]}" cargo build --release --target "$host" --bin gltf
+[ "${host%%-*}" != x86_64 ] || flags+=(-C target-cpu=x86-64-v3)
+export CARGO_TARGET_DIR=${PATHSPACE_FUZZ_TARGET:-$PWD/target} CARGO_INCREMENTAL=0
+RUSTC_BOOTSTRAP=1 RUSTFLAGS="${flags[*]}" cargo build --locked --release --target "$host" --bin gltf
 
-corpus=$CARGO_TARGET_DIR/corpus
-mkdir -p "$corpus"
-# The seeds are read only; what is found goes into the corpus. One input that takes 20 s or 2 GB is a finding as well.
-"$CARGO_TARGET_DIR/$host/release/gltf" "$corpus" seeds/gltf \
-  -dict=gltf.dict -artifact_prefix="$CARGO_TARGET_DIR/" -seed=1 -max_len=16384 -timeout=20 -rss_limit_mb=2048 \
-  -max_total_time="$SECONDS_MAX" -print_final_stats=1
+# Where the target writes its bytes for the loader to read.
+export TMPDIR=$CARGO_TARGET_DIR/scratch
+mkdir -p "$TMPDIR"
+rm -f "$TMPDIR"/pathspace-fuzz-*
+
+# One input that takes 20 s or 2 GB is a finding as well.
+target=("$CARGO_TARGET_DIR/$host/release/gltf" -timeout=20 -rss_limit_mb=2048)
+[ -z "$input" ] || exec "${target[@]}" "$input"
+
+# The seeds are read only; what is found goes into the corpus. What earlier runs found broken would be taken for this run's.
+corpus=$CARGO_TARGET_DIR/corpus findings=$CARGO_TARGET_DIR/findings
+mkdir -p "$corpus" "$findings"
+rm -f "$findings"/*
+log=$CARGO_TARGET_DIR/fuzz.log
+# (New inputs are not told one by one: a line now and then says how far it is.)
+status=0
+"${target[@]}" "$corpus" seeds/gltf -dict=gltf.dict -artifact_prefix="$findings/" -seed=1 -max_len=16384 \
+  -max_total_time="$seconds" -print_final_stats=1 -verbosity=1 >"$log" 2>&1 || status=$?
+grep -E '^#[0-9]+[[:space:]]+(INITED|pulse|DONE)|^stat::' "$log" || true
+[ $status -ne 0 ] || exit 0
+
+tail -n 60 "$log" | cut -c 1-400 >&2
+for found in "$findings"/*; do
+  [ -f "$found" ] || continue
+  printf '\nfuzz: FAILED: %s broke the loader\nfuzz: replay it with: scripts/fuzz.sh %s\n' "$found" "$found" >&2
+  # The machine may be gone when somebody reads this.
+  printf 'fuzz: or, anywhere, with: base64 -d <<<%s | gunzip >finding && scripts/fuzz.sh finding\n' \
+    "$(gzip -9 <"$found" | base64 -w 0)" >&2
+done
+exit $status

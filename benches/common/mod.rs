@@ -60,8 +60,18 @@ pub fn scene(name: &str) -> Scene {
     scene
 }
 
-/// 295 692 triangles: 160 smooth spheres in a lit room.
+/// 595 214 triangles: 160 smooth spheres in a lit room.
 pub fn spheres() -> Scene {
+    room(31)
+}
+
+/// The same room with about `triangles` triangles: spheres of fewer or more rows.
+pub fn spheres_of(triangles: f64) -> Scene {
+    // A sphere of n rows has 4n(n − 1) triangles.
+    room((0.5 + (0.25 + triangles / 640.0).sqrt()).round() as u32)
+}
+
+fn room(rows: u32) -> Scene {
     let mut builder = SceneBuilder::new();
     let (white, lamp) = (builder.lambert(Vec3::splat(0.7)), builder.emitter(Vec3::ZERO, Vec3::splat(10.0)));
     builder.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, white);
@@ -71,7 +81,7 @@ pub fn spheres() -> Scene {
         // The lattice of the plastic number fills the room evenly.
         let at = |alpha: f64| (((f64::from(i) + 0.5) * alpha).fract() * 1.8 - 0.9) as f32;
         let center = Vec3::new(at(0.819_172_513_396_164_4), at(0.671_043_606_703_789_2), at(0.549_700_477_901_970_9));
-        builder.sphere(center, 0.08, 31, false, true, white);
+        builder.sphere(center, 0.08, rows, false, true, white);
     }
     builder.camera(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, Vec3::Y, 1.2);
     builder.build()

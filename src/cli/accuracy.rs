@@ -18,8 +18,10 @@ use crate::film::exr::{Picture, read_exr};
 use crate::film::filter::FilterKind;
 use crate::machine::Processor;
 use crate::render::{RenderOptions, Renderer};
-use crate::study::measure::{self, Request, Step, Study};
+use crate::study::findings::Study;
+use crate::study::measure::{self, Request};
 use crate::study::reference::Reference;
+use crate::study::renderers::Step;
 use crate::study::report::{Report, Setup};
 use crate::study::{html, settings, table};
 

@@ -6,8 +6,9 @@ use std::fmt::Write;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::measure::Study;
-use super::plot::{self, escaped};
+use super::axes::escaped;
+use super::findings::Study;
+use super::plot;
 use super::reference::values;
 use super::report::{Report, Row};
 use super::runs::Interval;

@@ -1,6 +1,6 @@
 //! What a reader must know to read a report: the rules it keeps, and where its numbers end.
 
-use super::measure::Study;
+use super::findings::Study;
 use super::report::Report;
 use super::settings::Role;
 

@@ -4,7 +4,7 @@
 
 use serde::Serialize;
 
-use super::measure::{Run, Series, Study};
+use super::findings::{Run, Series, Study};
 use super::reference::Reference;
 use super::runs::{self, Interval, Line};
 use super::settings::Role;
@@ -214,7 +214,7 @@ fn interval_of(value: f64, [low, high]: [f64; 2]) -> Interval {
 
 fn prices(study: &Study) -> Vec<PriceRecord> {
     let own = study.reference.as_ref().and_then(|r| r.own_relmse);
-    let record = |price: &super::measure::Price| {
+    let record = |price: &super::findings::Price| {
         let Predicted { spp, seconds, spp_interval, seconds_interval } = price.predicted;
         let measured = price.measured.map(|m| MeasuredRecord {
             spp: m.spp,

@@ -18,7 +18,8 @@ use pathspace::film::exr::{ExrOptions, read_exr, through_half};
 use pathspace::plan::options::{Crop, RenderOptions, Roulette, SamplerKind, Strategy};
 use pathspace::scene::Scene;
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::study::measure::{self, Request, Study};
+use pathspace::study::findings::Study;
+use pathspace::study::measure::{self, Request};
 use pathspace::study::report::{Report, Row, Setup};
 use pathspace::study::{html, runs, table};
 
