@@ -2,7 +2,7 @@
 //!
 //! A hierarchy pays when most of a scene can be left out. In a Cornell box it cannot: diffuse rays start inside, every lane of
 //! a packet goes its own way, and a traversal spends its time on choosing. Here 16 rays meet one face after the other with
-//! no branch at all. Two triangles that make a parallelogram are one face ([`faces`]).
+//! no branch at all. Two triangles that make a parallelogram are one face (`faces.rs`).
 //!
 //! A ray passes a face if it passes all of its edges on the same side, by Plücker coordinates (`kernel`). Two owners of an edge
 //! compute the same number with opposite signs, and zero belongs to both, so no ray slips between them. The number's error

@@ -63,7 +63,7 @@ struct MapPoint {
     v: f32,
 }
 
-/// [`MapPoint`]s of `N` lanes.
+/// `MapPoint`s of `N` lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct MapPoints<const N: usize> {
     u: [f32; N],

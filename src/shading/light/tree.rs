@@ -155,7 +155,7 @@ impl Node {
         if lit != 0 { weights } else { self.intensity }
     }
 
-    /// What [`weigh`](Self::weigh) finds for N receivers that stand before the same node, by child: vectors of receivers.
+    /// What `weigh` finds for N receivers that stand before the same node, by child: vectors of receivers.
     #[inline(always)]
     pub fn weigh_for<const N: usize>(&self, receivers: &Receivers<N>) -> [[f32; N]; WIDTH] {
         let mut weights = [[0.0; N]; WIDTH];
