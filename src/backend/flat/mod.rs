@@ -28,8 +28,9 @@ use crate::{Error, Result};
 /// Faces up to which this is faster than Embree. Time grows with their number, Embree's hardly.
 const MOST_FACES: usize = 64;
 
-/// Powers of two, metres, between which coordinates and sizes must lie: products of four lengths are formed.
-const SIZES_M: (f32, f32) = (1.0 / (1u32 << 24) as f32, (1u32 << 24) as f32);
+/// Powers of two, metres, between which coordinates and sizes must lie: their squares, and those of a face a million times smaller,
+/// are numbers of f32.
+const SIZES_M: (f32, f32) = (1.0 / (1u64 << 40) as f32, (1u64 << 40) as f32);
 
 /// The faces of a small scene.
 pub struct Flat {
@@ -38,7 +39,7 @@ pub struct Flat {
     wide: bool,
 }
 
-/// Whether a scene can be traced here: one mesh, around the origin, of a size that f32 products of four lengths hold.
+/// Whether a scene can be traced here: one mesh, around the origin, of a size whose square f32 holds.
 pub fn can_trace(geometry: &Geometry) -> bool {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for corner in geometry.meshes.iter().take(1).flat_map(TriangleMesh::traced).flat_map(|(_, corners)| corners) {
@@ -62,7 +63,7 @@ impl Flat {
     /// [`Error::Backend`] for a scene that [`can_trace`] refuses.
     pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
         if !(can_trace(geometry) || geometry.meshes.iter().all(|mesh| mesh.indices.is_empty())) {
-            let problem = "traces scenes without instances, around their origin, between 60 nm and 16 000 km; \
+            let problem = "traces only scenes without instances, around their origin, between 10⁻¹² and 10¹² m; \
                            use --backend embree or obvhs";
             return Err(Error::Backend { backend: "flat", problem: problem.into() });
         }
@@ -181,7 +182,31 @@ mod tests {
         assert!(other <= 3, "{other} differ");
     }
 
-    /// What lies off its origin, has instances or is too small for f32 products is refused with the reason.
+    /// Oracle: exact arithmetic. A scene and its rays scaled by a power of two give the same weights, and distances so scaled.
+    #[test]
+    fn scale_does_not_matter() {
+        let (geometry, rays) = scene();
+        let trace = |scale: f32| {
+            let mut scaled = geometry.clone();
+            scaled.meshes[0].vertices.iter_mut().for_each(|vertex| *vertex *= scale);
+            let mut blocks = rays.clone();
+            for ray in blocks.iter_mut().map(|block| &mut block.ray) {
+                for column in [&mut ray.org_x, &mut ray.org_y, &mut ray.org_z, &mut ray.tfar] {
+                    column.iter_mut().for_each(|x| *x *= scale);
+                }
+            }
+            let len = blocks.len() * LANES;
+            flat(&scaled, true).closest_hit(&mut blocks, len, Coherence::Incoherent);
+            let hit = |i: usize| blocks[i / LANES].hit(i % LANES);
+            (0..len).map(|i| hit(i).map(|h| (h.t / scale, h.u, h.v, h.prim))).collect::<Vec<_>>()
+        };
+        let plain = trace(1.0);
+        for exponent in [-38, -20, 20, 38] {
+            assert_eq!(trace(2f32.powi(exponent)), plain, "2^{exponent}");
+        }
+    }
+
+    /// What lies off its origin, has instances or is too small for f32 is refused with the reason.
     #[test]
     fn scenes_off_their_origin_are_refused() {
         let (mut geometry, _) = scene();
