@@ -21,19 +21,22 @@ case "${1:-}" in
   *[!0-9]*) input=$(readlink -e -- "$1") || { printf 'fuzz: %s is neither a number of seconds nor a file\n' "$1" >&2; exit 2; } ;;
   *) seconds=$1 ;;
 esac
+[ "$((10#$seconds))" -gt 0 ] || { printf 'fuzz: 0 seconds are too few; at least 1\n' >&2; exit 2; }
 cd "$root/fuzz"
 host=$(rustc -vV | sed -n 's/^host: //p')
 readonly host
 
 # Flags for the target alone, so that build scripts and macros are built without.
 flags=(
-  --cfg fuzzing -Z hint-mostly-unused
+  --cfg fuzzing
   -C passes=sancov-module
   -C llvm-args=-sanitizer-coverage-level=4
   -C llvm-args=-sanitizer-coverage-inline-8bit-counters
   -C llvm-args=-sanitizer-coverage-pc-table
   -C llvm-args=-sanitizer-coverage-trace-compares
 )
+# A compiler that no longer knows the flag takes longer, and that is all.
+! RUSTC_BOOTSTRAP=1 rustc -Z hint-mostly-unused --print sysroot >/dev/null 2>&1 || flags+=(-Z hint-mostly-unused)
 [ "${host%%-*}" != x86_64 ] || flags+=(-C target-cpu=x86-64-v3)
 export CARGO_TARGET_DIR=${PATHSPACE_FUZZ_TARGET:-$PWD/target} CARGO_INCREMENTAL=0
 RUSTC_BOOTSTRAP=1 RUSTFLAGS="${flags[*]}" cargo build --locked --release --target "$host" --bin gltf

@@ -134,7 +134,8 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
     let setup = Setup { geometry: renderer.geometry(), recording: &recording, pools: &pools, options: &asked };
     // The renderer's backend comes first: it is the reference of the others.
     let mut kinds = vec![plan.backend];
-    kinds.extend(BackendKind::available().iter().filter(|kind| **kind != plan.backend));
+    let small = Some(BackendKind::Flat).filter(|kind| *kind == BackendKind::fastest(renderer.geometry()));
+    kinds.extend(BackendKind::available().iter().copied().chain(small).filter(|kind| *kind != plan.backend));
     let (mut backends, mut skipped) = (Vec::new(), Vec::new());
     for kind in kinds {
         if let Some(why) = rates::refusal(kind, renderer.geometry()) {

@@ -96,7 +96,7 @@ pub struct Setup<'a> {
 /// Why `kind` is not measured on `geometry`, if it is not.
 pub fn refusal(kind: BackendKind, geometry: &Geometry) -> Option<String> {
     let triangles: u64 = geometry.triangles.len() as u64;
-    (kind == BackendKind::Brute && triangles > BRUTE_TRIANGLES)
+    (matches!(kind, BackendKind::Brute | BackendKind::Flat) && triangles > BRUTE_TRIANGLES)
         .then(|| format!("{triangles} triangles; every ray against every triangle is timed up to {BRUTE_TRIANGLES}"))
 }
 

@@ -36,14 +36,12 @@ pub trait Widened {
     fn run(self) -> Self::Output;
 }
 
-/// Runs `work` as compiled for AVX-512 if `wide`, which must come from [`has_avx512`]; else, and on other processors, for the
-/// baseline.
+/// Runs `work` as compiled for AVX-512 if `wide` and the processor has it, else for the baseline.
 #[inline(always)]
 pub fn widest<W: Widened>(wide: bool, work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]
-    if wide {
-        debug_assert!(has_avx512());
-        // SAFETY: the processor has the extensions, see above.
+    if wide && has_avx512() {
+        // SAFETY: the processor has the extensions.
         return unsafe { avx512(work) };
     }
     let _ = wide;

@@ -8,7 +8,7 @@ pub mod options;
 use std::fmt;
 use std::time::Duration;
 
-use crate::backend::{BackendKind, BackendOptions, QueryMode};
+use crate::backend::{BackendKind, BackendOptions, QueryMode, flat};
 use crate::error::{Error, Result};
 use crate::math::isa;
 use crate::scene::Scene;
@@ -239,6 +239,9 @@ fn resolve_backend(geometry: &Geometry, options: &RenderOptions) -> Result<Backe
     let Some(backend) = options.backend else {
         return Ok(if particular { BackendKind::available()[0] } else { BackendKind::fastest(geometry) });
     };
+    if backend == BackendKind::Flat && !geometry.triangles.is_empty() && !backend.traces(geometry) {
+        return refuse("--backend", flat::LIMITS.into());
+    }
     if backend != BackendKind::Flat && !BackendKind::available().contains(&backend) {
         return refuse("--backend", format!("{} is not in this build; use obvhs, flat or brute", backend.name()));
     }

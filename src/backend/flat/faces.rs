@@ -1,12 +1,19 @@
 //! The faces of a scene: triangles and parallelograms, with what the loops over them read.
 
-use glam::Vec3;
+use std::collections::BTreeMap;
 
+use glam::{DVec3, Vec3};
+
+use crate::math::float::UNIT_ROUNDOFF;
 use crate::scene::geometry::{Geometry, TriangleMesh};
 
 /// How far, over the largest coordinate, the fourth corner of a pair of triangles may lie from where a parallelogram has
 /// it: four roundings.
-const CORNER: f32 = 1.0 / (1u32 << 22) as f32;
+const CORNER: f64 = 4.0 * UNIT_ROUNDOFF as f64;
+
+/// How far, over the longest edge, it may lie out of the plane of the other three: a ray that leaves the one triangle is tested
+/// against the plane of the other, and starts five such roundings above its own (`math::float`).
+const BEND: f64 = UNIT_ROUNDOFF as f64;
 
 /// A face with `N` edges, as the loop over rays reads it. A ray of direction d and moment r = o × d passes the edge a → b on the
 /// side of the sign of e·r + m·d, with e = (b − a)/|b − a| and m = a × e (Plücker coordinates): the lines' distance times the
@@ -47,6 +54,8 @@ pub(super) struct Faces {
     pub triangles: Vec<Face<3>>,
     /// One for each face, in their order, and one more.
     pub corners: Vec<Corner>,
+    /// The corners of each face in f64, in the order of its edges; of a triangle the last one twice.
+    pub exact: Vec<[DVec3; 4]>,
     /// Largest sum of a corner's coordinates, metres.
     pub reach: f32,
 }
@@ -63,26 +72,39 @@ impl Faces {
     pub fn new(geometry: &Geometry) -> Self {
         let none = TriangleMesh::default();
         let mesh = geometry.meshes.first().unwrap_or(&none);
-        let mut left: Vec<Triangle> = mesh.traced().map(|(prim, v)| Triangle { prim, v }).collect();
-        left.reverse();
-        let (mut quads, mut triangles) = (Vec::new(), Vec::new());
-        while let Some(first) = left.pop() {
-            let partner = left.iter().enumerate().rev().find_map(|(i, second)| Some((i, joined(&first, second)?)));
-            match partner {
-                Some((i, face)) => {
-                    left.remove(i);
-                    quads.push(face);
-                }
-                None => triangles.push(face([first.v[0], first.v[1], first.v[2]], [first.prim; 2], [0; 2])),
+        let all: Vec<Triangle> = mesh.traced().map(|(prim, v)| Triangle { prim, v }).collect();
+        // The triangles at each edge as they turn around it, by the bits of its ends.
+        let mut around: BTreeMap<Edge, Vec<usize>> = BTreeMap::new();
+        for (i, triangle) in all.iter().enumerate() {
+            for k in 0..3 {
+                around.entry(edge(triangle.v[k], triangle.v[(k + 1) % 3])).or_default().push(i);
             }
         }
+        let mut taken = vec![false; all.len()];
+        let (mut quads, mut triangles, mut exact) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, first) in all.iter().enumerate() {
+            if std::mem::replace(&mut taken[i], true) {
+                continue;
+            }
+            let neighbours = (0..3).filter_map(|k| around.get(&edge(first.v[(k + 1) % 3], first.v[k]))).flatten();
+            let mut free = neighbours.copied().filter(|&j| !taken[j]);
+            match free.find_map(|j| Some((j, joined(first, &all[j])?))) {
+                Some((j, quad)) => {
+                    taken[j] = true;
+                    quads.push(quad);
+                }
+                None => triangles.push(face(first.v, [first.prim; 2], [0; 2])),
+            }
+        }
+        exact.extend(quads.iter().map(|quad| quad.2.map(|v| v.as_dvec3())));
+        exact.extend(triangles.iter().map(|(_, _, v)| [v[0], v[1], v[2], v[2]].map(|v| v.as_dvec3())));
         let corners = quads.iter().map(|quad| quad.1).chain(triangles.iter().map(|triangle| triangle.1));
         let nothing = Corner { c: [0.0; 3], ca: [0.0; 3], cb: [0.0; 3], normal: [0.0; 3], prim: [0; 2], first: [0; 2] };
         let corners = corners.chain([nothing]).collect();
         let (quads, triangles) =
             (quads.into_iter().map(|quad| quad.0).collect(), triangles.into_iter().map(|t| t.0).collect());
         let reach = mesh.traced().flat_map(|(_, v)| v).map(|v| v.abs().element_sum()).fold(0.0, f32::max);
-        Faces { quads, triangles, corners, reach }
+        Faces { quads, triangles, corners, exact, reach }
     }
 
     pub fn count(&self) -> usize {
@@ -96,19 +118,26 @@ impl Faces {
 
     pub fn bytes(&self) -> u64 {
         let of = size_of_val::<[Face<4>]>(&self.quads) + size_of_val::<[Face<3>]>(&self.triangles);
-        (of + size_of_val::<[Corner]>(&self.corners)) as u64
+        (of + size_of_val::<[Corner]>(&self.corners) + size_of_val::<[[DVec3; 4]]>(&self.exact)) as u64
     }
 }
 
+/// The bits of an edge's two ends.
+type Edge = [[u32; 3]; 2];
+
+fn edge(from: Vec3, to: Vec3) -> Edge {
+    // −0.0 is 0.0.
+    [from, to].map(|v| (v + Vec3::ZERO).to_array().map(f32::to_bits))
+}
+
 /// The face of two triangles that make a parallelogram, neighbours along one edge and turned to the same side.
-fn joined(first: &Triangle, second: &Triangle) -> Option<(Face<4>, Corner)> {
+fn joined(first: &Triangle, second: &Triangle) -> Option<(Face<4>, Corner, [Vec3; 4])> {
     for i in 0..3 {
         // c is the corner of the first that the second has not.
         let (c, a, b) = (first.v[i], first.v[(i + 1) % 3], first.v[(i + 2) % 3]);
         for j in 0..3 {
             let (d, b2, a2) = (second.v[j], second.v[(j + 1) % 3], second.v[(j + 2) % 3]);
-            let reach = [a, b, c, d].iter().fold(0.0f32, |m, v| m.max(v.abs().max_element()));
-            if a == a2 && b == b2 && (d - (a + b - c)).abs().max_element() <= CORNER * reach {
+            if a == a2 && b == b2 && is_parallelogram([c, a, d, b]) {
                 // (c, a, b) begins with vertex (3 − i) mod 3 counted from c; so for the other.
                 let turns = [(3 - i) as u32 % 3, (3 - j) as u32 % 3];
                 return Some(face([c, a, d, b], [first.prim, second.prim], turns));
@@ -118,8 +147,18 @@ fn joined(first: &Triangle, second: &Triangle) -> Option<(Face<4>, Corner)> {
     None
 }
 
+/// Whether the corners lie as those of a parallelogram up to rounding, and nearer to one plane than rays start off it.
+fn is_parallelogram(corners: [Vec3; 4]) -> bool {
+    let reach = corners.iter().fold(0.0f32, |m, v| m.max(v.abs().max_element()));
+    let [c, a, d, b] = corners.map(|v| v.as_dvec3());
+    let off = d - (a + b - c);
+    let (ca, cb) = (a - c, b - c);
+    off.abs().max_element() <= CORNER * f64::from(reach)
+        && off.dot(ca.cross(cb).normalize()).abs() <= BEND * ca.length().max(cb.length())
+}
+
 /// The face with these corners in their winding. Products are formed in f64 and rounded once.
-fn face<const N: usize>(corners: [Vec3; N], prim: [u32; 2], first: [u32; 2]) -> (Face<N>, Corner) {
+fn face<const N: usize>(corners: [Vec3; N], prim: [u32; 2], first: [u32; 2]) -> (Face<N>, Corner, [Vec3; N]) {
     let exact = corners.map(|v| v.as_dvec3());
     let (c, a, b) = (exact[0], exact[1], exact[N - 1]);
     let normal = (a - c).cross(b - c);
@@ -137,7 +176,7 @@ fn face<const N: usize>(corners: [Vec3; N], prim: [u32; 2], first: [u32; 2]) -> 
     });
     let (ca, cb) = ((a - c).as_vec3().to_array(), (b - c).as_vec3().to_array());
     let c = corners[0].to_array();
-    (Face { edges, height, corner: c, normal }, Corner { c, ca, cb, normal, prim, first })
+    (Face { edges, height, corner: c, normal }, Corner { c, ca, cb, normal, prim, first }, corners)
 }
 
 #[cfg(test)]

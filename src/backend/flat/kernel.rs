@@ -15,16 +15,16 @@ const NOTHING: u32 = u32::MAX;
 /// Cosine below which a hit is computed in f64.
 const GRAZING: f32 = 1.0 / 64.0;
 
-/// Roundings, over the coordinates of origin and face, by which a ray may pass an edge on its other side and still meets the
-/// face: two of the ray's moment, one of the edge, one of the sum. Without it 1.6 % of rays at the vertices of a closed sphere
-/// found no face.
+/// Roundings, over the coordinates of origin and face, up to which the side on which a ray passes an edge is not known: two of
+/// the ray's moment, one of the edge, one of the sum. f64 decides then; without it 1.6 % of rays at the vertices of a closed
+/// sphere found no face.
 const EDGE: f32 = 4.0 * UNIT_ROUNDOFF;
 
 /// A face that leans so far that its height, as the ray sees it, is below this many times the slack of [`EDGE`] is looked at in
 /// f64. A ray that is nearly parallel to an edge passes it by less than it is apart from it.
 const SURE: f32 = 256.0;
 
-/// How far from a face, over its size, a point in f64 still belongs to it.
+/// How far beside a triangle, as a weight, a point in f64 still belongs to it: its own rounding, so that neighbours overlap.
 const EXACT: f64 = 1e-9;
 
 type Column = [f32; LANES];
@@ -80,7 +80,7 @@ struct Rays<'a> {
     ray: &'a RayBlock,
     /// o × d.
     moment: [Column; 3],
-    /// How far on the other side of an edge a ray may pass, metres.
+    /// Error of the numbers that tell the side of an edge, metres.
     slack: Column,
 }
 
@@ -100,9 +100,9 @@ impl<'a> Rays<'a> {
 
 /// How a ray and a face's plane and edges lie.
 struct Pass {
-    /// It passes all edges on the same side, up to roundings.
+    /// It passes all edges on the same side.
     inside: bool,
-    /// All its distances from the edges are roundings.
+    /// The roundings of its distances from the edges could make it so, or not.
     unsure: bool,
     /// Height of the plane over the origin, metres.
     height: f32,
@@ -125,8 +125,10 @@ fn pass<const N: usize>(face: &Face<N>, rays: &Rays, i: usize) -> Pass {
     let over = nx.mul_add(dx, ny.mul_add(dy, nz * dz));
     let height = nx.mul_add(px - ray.org_x[i], ny.mul_add(py - ray.org_y[i], nz * (pz - ray.org_z[i])));
     let slack = rays.slack[i];
-    let inside = (least >= -slack) | (most <= slack);
-    Pass { inside, unsure: inside & (over.abs() * face.height <= SURE * slack), height, over }
+    let inside = (least >= 0.0) | (most <= 0.0);
+    let could_be = (least >= -slack) | (most <= slack);
+    let unsure = could_be & (!inside | (over.abs() * face.height <= SURE * slack));
+    Pass { inside: inside & !unsure, unsure, height, over }
 }
 
 #[inline(always)]
@@ -138,13 +140,12 @@ fn closest(faces: &Faces, block: &mut RayHitBlock, valid: u16) {
         let end = block.ray.tfar[i].next_up();
         best[i] = if valid >> i & 1 != 0 { end } else { f32::NEG_INFINITY };
     }
-    let corners = &faces.corners;
     let quads = faces.quads.len();
     for (id, quad) in faces.quads.iter().enumerate() {
-        nearer(quad, &corners[id], &rays, id as u32, &mut best, &mut found);
+        nearer(quad, &faces.exact[id], &rays, id as u32, &mut best, &mut found);
     }
     for (id, triangle) in (quads..).zip(&faces.triangles) {
-        nearer(triangle, &corners[id], &rays, id as u32, &mut best, &mut found);
+        nearer(triangle, &faces.exact[id], &rays, id as u32, &mut best, &mut found);
     }
     resolve(faces, block, &best, &found);
 }
@@ -153,7 +154,7 @@ fn closest(faces: &Faces, block: &mut RayHitBlock, valid: u16) {
 #[inline(always)]
 fn nearer<const N: usize>(
     face: &Face<N>,
-    corner: &Corner,
+    corners: &[DVec3; 4],
     rays: &Rays,
     id: u32,
     best: &mut Column,
@@ -164,13 +165,13 @@ fn nearer<const N: usize>(
     for i in 0..LANES {
         let pass = pass(face, rays, i);
         let t = pass.height / pass.over;
-        let closer = pass.inside & !pass.unsure & (t >= tnear[i]) & (t < best[i]);
+        let closer = pass.inside & (t >= tnear[i]) & (t < best[i]);
         best[i] = if closer { t } else { best[i] };
         found[i] = if closer { id } else { found[i] };
         unsure[i] = u32::from(pass.unsure);
     }
     for i in marked(&unsure) {
-        if let Some(t) = meets::<N>(corner, rays.ray, i).filter(|&t| t >= tnear[i] && t < best[i]) {
+        if let Some(t) = meets::<N>(corners, rays.ray, i).filter(|&t| t >= tnear[i] && t < best[i]) {
             (best[i], found[i]) = (t, id);
         }
     }
@@ -180,13 +181,12 @@ fn nearer<const N: usize>(
 fn any(faces: &Faces, ray: &mut RayBlock, valid: u16) {
     let rays = Rays::new(faces, ray);
     let mut blocked = [0u32; LANES];
-    let corners = &faces.corners;
     let quads = faces.quads.len();
     for (id, quad) in faces.quads.iter().enumerate() {
-        blocks(quad, &corners[id], &rays, &mut blocked);
+        blocks(quad, &faces.exact[id], &rays, &mut blocked);
     }
     for (id, triangle) in (quads..).zip(&faces.triangles) {
-        blocks(triangle, &corners[id], &rays, &mut blocked);
+        blocks(triangle, &faces.exact[id], &rays, &mut blocked);
     }
     for i in 0..LANES {
         let hit = (blocked[i] != 0) & (valid >> i & 1 != 0);
@@ -196,7 +196,7 @@ fn any(faces: &Faces, ray: &mut RayBlock, valid: u16) {
 
 /// Marks the lanes whose segment the face blocks. Not divided: heights are compared with those of the segment's ends.
 #[inline(always)]
-fn blocks<const N: usize>(face: &Face<N>, corner: &Corner, rays: &Rays, blocked: &mut [u32; LANES]) {
+fn blocks<const N: usize>(face: &Face<N>, corners: &[DVec3; 4], rays: &Rays, blocked: &mut [u32; LANES]) {
     let mut unsure = [0u32; LANES];
     let (tnear, tfar) = (&rays.ray.tnear, &rays.ray.tfar);
     for i in 0..LANES {
@@ -204,11 +204,11 @@ fn blocks<const N: usize>(face: &Face<N>, corner: &Corner, rays: &Rays, blocked:
         let height = if pass.over < 0.0 { -pass.height } else { pass.height };
         let over = pass.over.abs();
         let within = (height >= tnear[i] * over) & (height <= tfar[i] * over);
-        blocked[i] |= u32::from(pass.inside & !pass.unsure & within);
+        blocked[i] |= u32::from(pass.inside & within);
         unsure[i] = u32::from(pass.unsure);
     }
     for i in marked(&unsure) {
-        let hit = meets::<N>(corner, rays.ray, i).is_some_and(|t| t >= tnear[i] && t <= tfar[i]);
+        let hit = meets::<N>(corners, rays.ray, i).is_some_and(|t| t >= tnear[i] && t <= tfar[i]);
         blocked[i] |= u32::from(hit);
     }
 }
@@ -219,14 +219,16 @@ fn marked(marks: &[u32; LANES]) -> impl Iterator<Item = usize> {
     lanes_of(marks.iter().enumerate().fold(0, |mask, (i, &mark)| mask | (mark as u16) << i))
 }
 
-/// Where a ray meets a face of `N` edges, in f64.
+/// Where a ray meets a face of `N` edges, in f64, by the triangles that it is made of.
 #[cold]
 #[inline(never)]
-fn meets<const N: usize>(corner: &Corner, ray: &RayBlock, i: usize) -> Option<f32> {
-    let (t, a, b) = exact(corner, ray, i)?;
-    let within = |x: f64| x <= 1.0 + EXACT;
-    let inside = a >= -EXACT && b >= -EXACT && if N == 4 { within(a) && within(b) } else { within(a + b) };
-    inside.then_some(t as f32)
+fn meets<const N: usize>(&[c, a, d, b]: &[DVec3; 4], ray: &RayBlock, i: usize) -> Option<f32> {
+    let (org, dir) = (ray.org(i).as_dvec3(), ray.dir(i).as_dvec3());
+    let on = |c: DVec3, a: DVec3, b: DVec3| {
+        let (t, u, v) = moller_trumbore(org - c, dir, a - c, b - c)?;
+        (u >= -EXACT && v >= -EXACT && u + v <= 1.0 + EXACT).then_some(t as f32)
+    };
+    on(c, a, b).or_else(|| if N == 4 { on(d, b, a) } else { None })
 }
 
 /// Distance and weights of the face that each lane found, relative to the ray's origin (Möller and Trumbore 1997).
@@ -308,14 +310,17 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1].mul_add(b[2], -(a[2] * b[1])), a[2].mul_add(b[0], -(a[0] * b[2])), a[0].mul_add(b[1], -(a[1] * b[0]))]
 }
 
-/// Distance and weights in f64; nothing for a ray in the plane itself.
+/// Distance and weights of a hit in f64; nothing for a ray in the plane itself.
 #[cold]
 #[inline(never)]
 fn exact(corner: &Corner, ray: &RayBlock, i: usize) -> Option<(f64, f64, f64)> {
-    let d = ray.dir(i).as_dvec3();
     let [c, ca, cb] = [corner.c, corner.ca, corner.cb].map(|v| DVec3::from(v.map(f64::from)));
-    let s = ray.org(i).as_dvec3() - c;
-    let (p, q) = (d.cross(cb), s.cross(ca));
-    let det = ca.dot(p);
-    (det != 0.0).then(|| (cb.dot(q) / det, s.dot(p) / det, d.dot(q) / det))
+    moller_trumbore(ray.org(i).as_dvec3() - c, ray.dir(i).as_dvec3(), ca, cb)
+}
+
+/// Distance, and weights of `a` and `b`, of a ray that starts at `s` from the corner between the edges `a` and `b`.
+fn moller_trumbore(s: DVec3, d: DVec3, a: DVec3, b: DVec3) -> Option<(f64, f64, f64)> {
+    let (p, q) = (d.cross(b), s.cross(a));
+    let det = a.dot(p);
+    (det != 0.0).then(|| (b.dot(q) / det, s.dot(p) / det, d.dot(q) / det))
 }
