@@ -21,8 +21,8 @@ use crate::film::lengths::LengthSums;
 use crate::film::{Film, Pixel};
 use crate::plan::RenderPlan;
 use crate::sampler::{IndependentScheme, SobolScheme};
-use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
+use crate::scene::{Camera, Scene};
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::select::Selection;
@@ -153,6 +153,7 @@ pub struct Renderer<'a> {
     lights: Lights,
     backend: Box<dyn Backend>,
     camera: CameraRays,
+    camera_steps: Vec<CameraRays>,
     filter: FilterTable,
     kinds: Vec<Kind>,
     only_kind: Option<Kind>,
@@ -184,6 +185,7 @@ impl<'a> Renderer<'a> {
             .map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
         let backend = backend::build(plan.backend, &geometry, &plan.backend_options())?;
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        let camera_steps = camera_steps(scene, &plan)?;
         let kind = |m| if plan.features.all_general { Kind::General } else { queue::kind_of(m) };
         let kinds: Vec<Kind> = scene.materials.iter().map(kind).collect();
         Ok(Renderer {
@@ -191,6 +193,7 @@ impl<'a> Renderer<'a> {
             lights,
             backend,
             camera,
+            camera_steps,
             filter: FilterTable::new(plan.filter),
             only_kind: queue::only_kind(scene, &kinds),
             kinds,
@@ -218,6 +221,7 @@ impl<'a> Renderer<'a> {
             self.scene.textures.par_iter().for_each(|texture| texture.make_levels());
         }
         self.camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        self.camera_steps = camera_steps(self.scene, &plan)?;
         self.filter = FilterTable::new(plan.filter);
         self.plan = plan;
         Ok(())
@@ -523,6 +527,7 @@ impl<'a> Renderer<'a> {
             lights: &self.lights,
             backend: self.backend.as_ref(),
             camera: &self.camera,
+            camera_steps: &self.camera_steps,
             filter: &self.filter,
             kinds: &self.kinds,
             only_kind: self.only_kind,
@@ -600,6 +605,16 @@ impl<'a> Renderer<'a> {
         pass.counters.lock().expect("no worker panicked").merge(&counters);
         pass.waves.lock().expect("no worker panicked").push(wave);
     }
+}
+
+/// The camera of the plan along its way while the shutter is open; nothing where it is at rest.
+fn camera_steps(scene: &Scene, plan: &RenderPlan) -> Result<Vec<CameraRays>> {
+    let steps = scene.motion.of_camera(plan.camera).map_or(&[][..], |track| &track.steps);
+    let camera = &scene.cameras[plan.camera];
+    let posed = |&world_from_camera: &_| {
+        CameraRays::new(&Camera { world_from_camera, ..camera.clone() }, plan.resolution, plan.lens)
+    };
+    steps.iter().map(posed).collect()
 }
 
 /// Runs when it goes out of scope, after a panic as well.

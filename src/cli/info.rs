@@ -115,7 +115,7 @@ struct CameraRecord {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<u8> {
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment), args.textures)?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment), args.textures, args.shutter)?;
     let (width, height) = job::picture_size(None, None, scene, scene.cameras.first());
     let aovs = args.aov.clone();
     let options = RenderOptions { threads: job::default_threads(), aovs, ..RenderOptions::new(width, height) };

@@ -21,7 +21,12 @@ use crate::wavefront::vertex::{Emission, LightSample, Met, Number, Roulette, Sca
 /// As a render's; and for a pixel outside the picture.
 pub fn run(args: &RenderArgs, pixel: (u32, u32)) -> Result<u8> {
     job::check(&args.settings)?;
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment), args.settings.textures)?;
+    let scene = &job::load(
+        &args.scene,
+        EnvironmentRequest::of(&args.settings.environment),
+        args.settings.textures,
+        args.settings.shutter,
+    )?;
     Verbosity::of(args.quiet, args.verbose).warnings(&scene.warnings);
     let renderer = Renderer::new(scene, job::options(args, scene))?;
     if let Some(sample) = args.sample {

@@ -291,9 +291,10 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let all: [(&'static str, bool); 21] = [
+    let all: [(&'static str, bool); 22] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
+        ("shutter", f.shutter),
         ("closest-hit", true),
         ("alpha", f.alpha),
         ("environment", f.environment),

@@ -33,6 +33,7 @@ use super::triangle::{Closest, Ray};
 use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
 use crate::error::{Error, Result};
 use crate::scene::geometry::{Geometry, Placement};
+use crate::scene::placement::Moving;
 use mesh::MeshBvh;
 use tree::{Bounds, LEAF_SIZE, Tree};
 use wide::{BoxRay, EMPTY_STACK, SLACK, Stack, Wide};
@@ -45,6 +46,7 @@ pub struct Obvhs {
     info: BackendInfo,
     meshes: Vec<MeshBvh>,
     instances: Vec<Placement>,
+    moving: Moving,
     /// Hierarchy over the instances.
     top: Wide,
     /// Its leaves: instances, [`INVALID_ID`] where there are fewer than four.
@@ -81,7 +83,10 @@ impl Obvhs {
             let Some(mesh) = meshes.get(placement.mesh as usize) else { continue };
             if !mesh.bounds.is_empty() {
                 placed.push(i);
-                boxes.push(instance_bounds(placement, mesh.bounds, world_reach));
+                boxes.push(match geometry.moving.steps(i) {
+                    [] => instance_bounds(placement, mesh.bounds, world_reach),
+                    steps => moving_bounds(steps, mesh.bounds, world_reach),
+                });
             }
         }
         let items = || (0..boxes.len() as u32).collect();
@@ -112,12 +117,13 @@ impl Obvhs {
             bvh_bytes: meshes.iter().map(MeshBvh::bytes).sum::<u64>() + top.bytes(),
             triangles: meshes.iter().map(|m| m.triangles).sum(),
         };
-        Ok(Obvhs { info, meshes, instances: geometry.instances.clone(), top, top_leaves })
+        let (instances, moving) = (geometry.instances.clone(), geometry.moving.clone());
+        Ok(Obvhs { info, meshes, instances, moving, top, top_leaves })
     }
 
     /// The closest hit of one ray: the world mesh first, so that it shortens the ray before any transform.
     #[inline(always)]
-    fn closest(&self, ray: Ray, scratch: &mut Scratch) -> Closest {
+    fn closest(&self, ray: Ray, time: f32, scratch: &mut Scratch) -> Closest {
         let mut closest = Closest::none(ray.tfar);
         if let Some(world) = self.meshes.first() {
             world.closest(&ray, (0, 0), &mut closest, &mut scratch.mesh);
@@ -126,7 +132,7 @@ impl Obvhs {
         self.top.walk(&BoxRay::new(&ray), &mut reach, &mut scratch.top, |leaf, reach| {
             for &inst in self.top_leaves[leaf as usize].iter().take_while(|&&inst| inst != INVALID_ID) {
                 let placement = &self.instances[inst as usize];
-                if let Some(object_ray) = ray.to_object(placement) {
+                if let Some(object_ray) = self.to_object(ray, inst, time) {
                     let id = (inst.wrapping_add(1), placement.mesh);
                     self.meshes[placement.mesh as usize].closest(&object_ray, id, &mut closest, &mut scratch.mesh);
                 }
@@ -137,9 +143,19 @@ impl Obvhs {
         closest
     }
 
+    /// The ray in the space of an instance, where that is at `time`.
+    #[inline(always)]
+    fn to_object(&self, ray: Ray, inst: u32, time: f32) -> Option<Ray> {
+        let placement = &self.instances[inst as usize];
+        match self.moving.at(inst, time) {
+            None => ray.to_object(placement),
+            Some(moved) => ray.to_object(&moved),
+        }
+    }
+
     /// Whether anything lies on the segment.
     #[inline(always)]
-    fn any(&self, ray: Ray, scratch: &mut Scratch) -> bool {
+    fn any(&self, ray: Ray, time: f32, scratch: &mut Scratch) -> bool {
         if self.meshes.first().is_some_and(|world| world.any(&ray, &mut scratch.mesh)) {
             return true;
         }
@@ -148,7 +164,7 @@ impl Obvhs {
             found = self.top_leaves[leaf as usize].iter().take_while(|&&inst| inst != INVALID_ID).any(|&inst| {
                 let placement = &self.instances[inst as usize];
                 let mesh = &self.meshes[placement.mesh as usize];
-                ray.to_object(placement).is_some_and(|object_ray| mesh.any(&object_ray, &mut scratch.mesh))
+                self.to_object(ray, inst, time).is_some_and(|object_ray| mesh.any(&object_ray, &mut scratch.mesh))
             });
             if found { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
@@ -172,7 +188,8 @@ impl Backend for Obvhs {
             while valid != 0 {
                 let lane = valid.trailing_zeros() as usize & (LANES - 1);
                 valid &= valid - 1;
-                self.closest(Ray::of_lane(&block.ray, lane), &mut scratch).store(block, lane);
+                let ray = Ray::of_lane(&block.ray, lane);
+                self.closest(ray, block.ray.time[lane], &mut scratch).store(block, lane);
             }
         }
         invalid
@@ -188,7 +205,7 @@ impl Backend for Obvhs {
             while valid != 0 {
                 let lane = valid.trailing_zeros() as usize & (LANES - 1);
                 valid &= valid - 1;
-                if self.any(Ray::of_lane(block, lane), &mut scratch) {
+                if self.any(Ray::of_lane(block, lane), block.time[lane], &mut scratch) {
                     block.tfar[lane] = BLOCKED;
                 }
             }
@@ -214,6 +231,13 @@ fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds 
     let half = world.matrix3.abs() * (0.5 * (hi - lo) + rounding);
     let center = world.transform_point3(0.5 * lo + 0.5 * hi);
     Bounds { lo: (center - half).as_vec3(), hi: (center + half).as_vec3() }.grown(glam::Vec3::ZERO)
+}
+
+/// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold them. Inverses
+/// between two poses may be larger than theirs, but not 64 times (`scene::motion::Track::problem`).
+fn moving_bounds(steps: &[Placement], mesh: Bounds, reach: DVec3) -> Bounds {
+    let boxes = steps.iter().map(|step| instance_bounds(step, mesh, reach * 64.0));
+    boxes.fold(Bounds::EMPTY, Bounds::union)
 }
 
 /// Widest vector instructions that this build was compiled for; there is no choice at run time.
