@@ -26,6 +26,8 @@ use pathspace::backend::BackendKind;
 use pathspace::plan::Gate;
 use pathspace::render::{FilterKind, Lens, RenderOptions, Renderer, Roulette, SamplerKind, Strategy};
 use pathspace::scene::builder::SceneBuilder;
+use pathspace::scene::geometry::BAKE_MESH_TRIANGLES;
+use pathspace::scene::motion::{Shutter, Track};
 use pathspace::scene::{
     AlphaMode, ColorSpace, Environment, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId, TextureSlot, Wrap,
 };
@@ -59,6 +61,8 @@ const fn row(effect: &'static str, without: &'static str, with: &'static str, ga
 const ROWS: &[Row] = &[
     row("things that do nothing", "base", "idle", None),
     row("lens", "base", "lens", Some(Gate::Lens)),
+    row("shutter: a ball that moves", "base", "shutter", Some(Gate::Shutter)),
+    row("shutter: a heap that moves", "instances", "moving", None),
     row("base-colour texture", "base", "base-colour-texture", Some(Gate::Textures)),
     row("metallic-roughness texture", "metal-paper", "metallic-roughness-texture", Some(Gate::Textures)),
     row("normal map (with tangents)", "base", "normal-map", None),
@@ -167,7 +171,7 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
         "lens" => options.lens = Some(Lens { radius_m: 0.02, focus_m: 2.4 }),
         "environment" => drop(b.environment(Environment::constant(Vec3::splat(0.5)))),
         "point-light" => drop(b.point_light(Vec3::new(-0.5, 0.5, 0.5), Vec3::ONE)),
-        "copies" | "instances" => {
+        "copies" | "instances" | "moving" => {
             let bumps = [heap(&mut b), heap(&mut b)];
             b.place(bumps[0], Affine3A::from_translation(Vec3::new(-0.5, -0.6, 0.2)));
             let second = bumps[usize::from(name == "copies")];
@@ -188,7 +192,21 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     }
     let mut scene = b.build();
     scene.textures.push(noise());
+    match name {
+        "shutter" => move_along(&mut scene, |mesh| mesh.name.starts_with("sphere")),
+        "moving" => move_along(&mut scene, |mesh| mesh.triangles.len() > BAKE_MESH_TRIANGLES),
+        _ => {}
+    }
     (scene, options)
+}
+
+/// The first instance of such a mesh goes a little to the right while the shutter is open.
+fn move_along(scene: &mut Scene, such: impl Fn(&Mesh) -> bool) {
+    let index = scene.instances.iter().position(|i| such(&scene.meshes[i.mesh.index()])).expect("a mesh that moves");
+    let start = scene.instances[index].world_from_object;
+    let end = Affine3A::from_translation(Vec3::new(0.1, 0.0, 0.0)) * start;
+    scene.motion.shutter = Some(Shutter::new(0.0, 1.0).expect("a second"));
+    scene.motion.instances = vec![Track { index, steps: vec![start, end] }];
 }
 
 const RED: Vec3 = Vec3::new(0.7, 0.3, 0.2);

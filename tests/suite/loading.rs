@@ -1,5 +1,6 @@
 //! Loading of scenes: the shared ones by their known counts, and every feature of the loader on files made here.
 
+mod animation;
 mod appearance;
 pub mod fixture;
 mod hostile;

@@ -4,7 +4,7 @@
 use glam::{Affine3A, Vec3};
 use pathspace::plan::options::{RenderOptions, SamplerKind};
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::{MeshId, Projection, Scene};
+use pathspace::scene::{Projection, Scene};
 
 use super::Case;
 use super::modes::Mode;
