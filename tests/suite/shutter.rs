@@ -9,7 +9,7 @@ use pathspace::plan::options::{Lens, RenderOptions, SamplerKind, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::motion::{Track, between, part_of};
-use pathspace::scene::{AlphaMode, Material, MeshId, Scene, Shutter};
+use pathspace::scene::{AlphaMode, LoadOptions, Material, MeshId, Scene, Shutter};
 use pathspace_stat::{Moments, welch};
 
 use crate::common::{options, render};
@@ -276,4 +276,104 @@ fn unsound_motions_are_refused() {
         let error = scene.validate().expect_err(words).to_string();
         assert!(error.contains("motion of") && error.contains(words), "{error}");
     }
+}
+
+/// Mean radiance of `scenes/in-motion` at 64×64, by channel.
+fn mean_of_own_scene(shutter: Shutter, options: RenderOptions) -> [f64; 3] {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/in-motion/scene.gltf");
+    let scene = Scene::load_with(file, &LoadOptions { shutter: Some(shutter), ..LoadOptions::default() });
+    let film = render(&scene.expect("an own scene loads"), options).film;
+    std::array::from_fn(|c| film.mean()[c])
+}
+
+/// The scene that comes along, through its animations: hinges, splines, great circles. Oracle: `expect.toml` beside it, whose mean comes
+/// from pictures at rest.
+#[test]
+fn the_scene_in_motion_is_as_its_recipe_says() {
+    let recipe = include_str!("../../scenes/in-motion/expect.toml");
+    let recipe: toml::Table = recipe.parse().expect("valid TOML");
+    let numbers = |value: &toml::Value| -> Vec<f64> {
+        value.as_array().expect("a list").iter().map(|x| x.as_float().expect("a number")).collect()
+    };
+    let span = numbers(&recipe["shutter"]);
+    let shutter = Shutter::new(span[0], span[1]).expect("a shutter");
+    let (mean, error) = (numbers(&recipe["reference"]["mean"]), numbers(&recipe["reference"]["standard_error"]));
+    let mut moments = [Moments::default(); 3];
+    for seed in 0..8 {
+        let found = mean_of_own_scene(shutter, RenderOptions { seed, ..options(64, 64, 64) });
+        moments.iter_mut().zip(found).for_each(|(moments, mean)| moments.push(mean));
+    }
+    for (c, moments) in moments.iter().enumerate() {
+        let own = moments.standard_error().hypot(error[c]);
+        let off = (moments.mean - mean[c]).abs();
+        // Student's t with 7 degrees of freedom reaches 10.2 once in 10⁵ pictures.
+        assert!(off <= 10.2 * own, "channel {c}: {} ± {own}, recorded {}", moments.mean, mean[c]);
+        let tolerance = recipe["mean_tolerance"].as_float().expect("a number");
+        assert!(4.9 * own <= tolerance * mean[c], "channel {c}: too noisy, {own} of {}", mean[c]);
+    }
+}
+
+/// Prints what `expect.toml` records.
+#[test]
+#[ignore = "writes nothing; run by hand when the scene changes (a minute)"]
+fn mean_of_the_scene_in_motion_at_rest() {
+    const POSES: u32 = 2048;
+    let mut rng = pathspace_stat::Pcg32::new(5, 19);
+    let mut moments = [Moments::default(); 3];
+    for i in 0..POSES {
+        let time = 0.3 + 0.1 * (f64::from(i) + f64::from(rng.next_f32())) / f64::from(POSES);
+        let shutter = Shutter::new(time, time).expect("a moment");
+        let found = mean_of_own_scene(shutter, RenderOptions { seed: 100 + u64::from(i), ..options(64, 64, 16) });
+        moments.iter_mut().zip(found).for_each(|(moments, mean)| moments.push(mean));
+    }
+    println!("mean = {:?}", moments.each_ref().map(|m| m.mean));
+    println!("standard_error = {:?}", moments.each_ref().map(Moments::standard_error));
+}
+
+fn pathspace(code: i32, args: &[&str]) -> (String, String) {
+    let mut command = assert_cmd::Command::cargo_bin("pathspace").expect("the package has this binary");
+    let output = command.args(args).env_remove("SLURM_CPUS_PER_TASK").output().expect("the binary starts");
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert_eq!(output.status.code(), Some(code), "{args:?}\nstdout: {out}\nstderr: {err}");
+    (out, err)
+}
+
+/// `--shutter` as a user gives it. Oracle: the contract of the command line, and the fingerprint of the film.
+#[test]
+fn the_command_line_takes_a_shutter() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/in-motion/scene.gltf");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = |name: &str| folder.path().join(name).to_str().expect("a plain name").to_owned();
+    let (exr, json) = (file("a.exr"), file("a.json"));
+    for wrong in ["0.5,0.4", "nan,1", "=-1,1", "0,inf", "1", "a,b"] {
+        let option = format!("--shutter{}{wrong}", if wrong.starts_with('=') { "" } else { "=" });
+        for command in [&["render", scene, "-o", &exr][..], &["info", scene], &["accuracy", scene], &["bench", scene]] {
+            let (_, err) = pathspace(2, &[command, &[&option]].concat());
+            assert!(err.contains("--shutter") && err.contains("0 ≤ OPEN ≤ CLOSE"), "{err}");
+        }
+    }
+    let render = |more: &[&str]| {
+        let base = ["render", scene, "-o", &exr, "--stats", &json, "-q", "--width", "24", "--spp", "4"];
+        pathspace(0, &[&base, more].concat());
+        let text = std::fs::read_to_string(&json).expect("statistics were written");
+        serde_json::from_str::<serde_json::Value>(&text).expect("valid JSON")
+    };
+    let moving = render(&["--shutter", "0.3,0.4"]);
+    assert_eq!(moving["film_hash"], render(&["--shutter", "0.3,0.4", "--no-plan"])["film_hash"]);
+    assert_ne!(moving["film_hash"], render(&["--shutter", "0.3,0.3"])["film_hash"]);
+    assert!(moving["effects"]["simulated"].to_string().contains("\"shutter\""), "{}", moving["effects"]);
+    assert!(moving["bias"][1]["what"].as_str().is_some_and(|what| what.starts_with("shutter: motion")), "{moving}");
+    render(&["--shutter", "0.3,0.4"]);
+    let exr_bytes = std::fs::read(&exr).expect("a picture was written");
+    let plan = b"shutter (0.3 s to 0.4 s; 8 placements move";
+    assert!(exr_bytes.windows(plan.len()).any(|window| window == plan), "pathspace/plan tells of the shutter");
+
+    let (out, err) = pathspace(0, &["info", scene, "--shutter", "0.3,0.3"]);
+    assert!(out.contains("shutter (0.3 s to 0.3 s): of zero length") && err.is_empty(), "{out}\n{err}");
+    let (_, err) = pathspace(0, &["info", scene]);
+    assert!(err.contains("--shutter OPEN,CLOSE"), "{err}");
+    let pixel = ["render", scene, "--width", "24", "--pixel", "7,8", "--sample", "1", "--json"];
+    let (out, _) = pathspace(0, &[&pixel[..], &["--shutter", "0.3,0.4"]].concat());
+    let replay: serde_json::Value = serde_json::from_str(&out).expect("valid JSON");
+    assert!(replay["vertices"].as_array().is_some_and(|vertices| !vertices.is_empty()), "{out}");
 }

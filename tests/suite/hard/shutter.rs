@@ -2,13 +2,17 @@
 //! is none. Oracle: the time for which a point of the film is covered.
 
 use glam::{Affine3A, Vec3};
+use pathspace::film::Film;
+use pathspace::plan::Gate;
 use pathspace::plan::options::{RenderOptions, SamplerKind};
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::{Projection, Scene};
+use pathspace::scene::{Environment, LoadOptions, Projection, Scene, Shutter};
+use serde_json::json;
 
 use super::Case;
 use super::modes::Mode;
 use crate::common::{Estimate, options, render};
+use crate::loading::fixture::Fixture;
 
 /// Pixels of the film; a pixel is a metre.
 const WIDTH: u32 = 32;
@@ -72,6 +76,40 @@ fn m06_shutter_and_linear_motion() {
         let variance: f64 = (0..WIDTH).map(|x| expected(x) * (1.0 - expected(x))).sum();
         let estimate = Estimate { n, mean: [total; 3], variance: [variance; 3] };
         case.mean(format!("{}, integral, pixels", mode.name), [STRIP; 3], 0.0, mode.count(0.02, 0.05), &estimate);
+    }
+    // A shutter of no length is none: through a file, by the pose at that time.
+    let file = |translation: &[f32], keys: &[f32]| {
+        let mut fixture = Fixture::quad().set("/nodes/0/translation", json!([0.25, 0.0, 0.0]));
+        let (input, output) = (fixture.floats(keys, "SCALAR"), fixture.floats(translation, "VEC3"));
+        fixture.set(
+            "/animations",
+            json!([{"samplers": [{"input": input, "output": output}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]),
+        )
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let moving = file(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], &[0.0, 1.0]).write(folder.path());
+    let load = |shutter: Option<(f64, f64)>| {
+        let shutter = shutter.map(|(open, close)| Shutter::new(open, close).expect("a shutter"));
+        let mut scene = Scene::load_with(&moving, &LoadOptions { shutter, ..LoadOptions::default() }).expect("loads");
+        scene.environment = Some(Environment::constant(Vec3::ONE));
+        scene
+    };
+    // At rest the node stands where the animation takes it after a quarter of a second.
+    let (still, moment, equal) = (load(None), load(Some((0.25, 0.25))), load(Some((1.0, 7.0))));
+    for mode in Mode::all() {
+        let film = |scene: &Scene, forced: &[Gate]| {
+            let options = RenderOptions { forced: forced.to_vec(), ..options(24, 24, 16) };
+            render(scene, mode.options(options)).film
+        };
+        let differing = |a: &Film, b: &Film| a.pixels.iter().zip(&b.pixels).filter(|(a, b)| a != b).count();
+        let plain = film(&still, &[]);
+        case.bits(format!("{}, shutter 0.25,0.25", mode.name), differing(&plain, &film(&moment, &[])));
+        let forced = differing(&plain, &film(&moment, &Gate::ALL));
+        case.bits(format!("{}, every gate forced", mode.name), forced);
+        // Behind the last key nothing moves, however long the shutter is open.
+        let end = film(&load(Some((1.0, 1.0))), &[]);
+        case.bits(format!("{}, equal poses", mode.name), differing(&end, &film(&equal, &[])));
     }
     case.close();
 }
