@@ -152,6 +152,9 @@ fn story(replay: &Replay) -> String {
          positions in m, densities in 1/sr, radiance in W/(sr·m²)\n",
         replay.sample, replay.filter_weight.0
     );
+    if let Some(time) = replay.time {
+        let _ = writeln!(text, "time {:?} of the shutter (0 open, 1 closed)", time.0);
+    }
     replay.vertices.iter().for_each(|vertex| tell(&mut text, vertex));
     let (radiance, [r, g, b, a]) = (list(&replay.radiance), replay.film);
     let _ = writeln!(text, "\nradiance {radiance}; coverage {:?}", replay.coverage.0);

@@ -296,10 +296,10 @@ fn mark_shutter(f: &mut Features, found: &mut Found, ignored: &mut Vec<Ignored>,
             format!("{span}; {} placements move{first}{camera}", motion.instances.len())
         });
     } else {
-        let why = match (motion.animated, shutter.is_instant()) {
-            (false, _) => "the scene has no animations",
-            (true, true) => "of zero length: the scene is posed at that time and stands still",
-            (true, false) => "nothing that is seen moves meanwhile",
+        let why = match (motion.animations.is_empty(), shutter.is_instant()) {
+            (true, _) => "the scene has no animations",
+            (false, true) => "of zero length: the scene is posed at that time and stands still",
+            (false, false) => "nothing that is seen moves meanwhile",
         };
         push_once(ignored, format!("shutter ({span})"), why);
     }

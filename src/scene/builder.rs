@@ -86,7 +86,6 @@ impl SceneBuilder {
         let motion = &mut self.scene.motion;
         motion.shutter.get_or_insert_with(|| Shutter::new(0.0, 1.0).expect("a second"));
         motion.instances.push(Track { index: self.scene.instances.len(), steps });
-        motion.animated = true;
         self.place(mesh, world_from_object)
     }
 

@@ -59,6 +59,15 @@ pub struct Track {
     pub steps: Vec<Affine3A>,
 }
 
+/// An animation and when it runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Span {
+    /// Its name, or its number.
+    pub name: String,
+    /// First and last key, seconds, as the file states them; `None` where it does not.
+    pub seconds: Option<(f64, f64)>,
+}
+
 /// A motion that the file asks for and that is not shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unmoved {
@@ -82,8 +91,8 @@ pub struct Off {
 pub struct Motion {
     /// What was asked for; `None` shows the scene as its nodes say.
     pub shutter: Option<Shutter>,
-    /// Whether the file has animations at all.
-    pub animated: bool,
+    /// The file's animations, with or without a shutter.
+    pub animations: Vec<Span>,
     /// Instances that move, by ascending index.
     pub instances: Vec<Track>,
     /// Cameras that move, by ascending index.
@@ -103,7 +112,8 @@ impl Motion {
     /// The track of instance `instance`, if it moves.
     pub fn of_instance(&self, instance: usize) -> Option<&Track> {
         let found = self.instances.binary_search_by_key(&instance, |track| track.index);
-        found.ok().map(|at| &self.instances[at])
+        // A track without poses is refused later; until then it moves nothing.
+        found.ok().map(|at| &self.instances[at]).filter(|track| !track.steps.is_empty())
     }
 }
 

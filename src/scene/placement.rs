@@ -21,6 +21,7 @@ pub struct Placement {
 
 impl Placement {
     /// Mesh `mesh` at `world_from_object`, which is invertible.
+    #[inline]
     pub fn new(mesh: u32, world_from_object: Affine3A) -> Placement {
         let inverse = DAffine3::from_cols_array(&world_from_object.to_cols_array().map(f64::from)).inverse();
         let column = |v: DVec3| v.as_vec3a();

@@ -11,7 +11,16 @@ use crate::error::{Error, Result};
 impl Scene {
     /// Checks everything that the documentation of [`Scene`]'s fields promises.
     pub fn validate(&self) -> Result<()> {
-        self.check().map_err(|(pointer, problem)| Error::InvalidScene { file: self.file.clone(), pointer, problem })
+        self.check().map_err(|at| self.invalid(at))
+    }
+
+    /// Checks the motion alone. No render does without: a pose that has no inverse would end the process inside Embree.
+    pub(crate) fn validate_motion(&self) -> Result<()> {
+        self.check_motion().map_err(|at| self.invalid(at))
+    }
+
+    fn invalid(&self, (pointer, problem): (String, String)) -> Error {
+        Error::InvalidScene { file: self.file.clone(), pointer, problem }
     }
 
     fn check(&self) -> Result<(), (String, String)> {

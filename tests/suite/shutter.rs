@@ -8,7 +8,7 @@ use pathspace::plan::Gate;
 use pathspace::plan::options::{Lens, RenderOptions, SamplerKind, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::motion::{Track, between, part_of};
+use pathspace::scene::motion::{Span, Track, between, part_of};
 use pathspace::scene::{AlphaMode, LoadOptions, Material, MeshId, Scene, Shutter};
 use pathspace_stat::{Moments, welch};
 
@@ -235,13 +235,14 @@ fn the_plan_says_what_becomes_of_a_shutter() {
         render(scene, RenderOptions { forced: forced.to_vec(), ..options(24, 24, 4) }).film.hash()
     };
     let bits = hash(&still, &[]);
-    for (shutter, animated, why) in [
-        (Shutter::new(0.0, 1.0), false, "no animations"),
-        (Shutter::new(0.5, 0.5), true, "zero length"),
-        (Shutter::new(0.0, 1.0), true, "nothing that is seen moves"),
+    let spin = Span { name: "spin".into(), seconds: Some((0.0, 2.0)) };
+    for (shutter, animations, why) in [
+        (Shutter::new(0.0, 1.0), vec![], "no animations"),
+        (Shutter::new(0.5, 0.5), vec![spin.clone()], "zero length"),
+        (Shutter::new(0.0, 1.0), vec![spin], "nothing that is seen moves"),
     ] {
         still.motion.shutter = Some(shutter.expect("a shutter"));
-        still.motion.animated = animated;
+        still.motion.animations = animations;
         let plan = plan(&still);
         assert!(!plan.features.shutter && !plan.stages.contains(&"shutter"));
         let ignored = plan.effects.ignored.iter().find(|ignored| ignored.what.starts_with("shutter"));
@@ -275,6 +276,8 @@ fn unsound_motions_are_refused() {
         bend(&mut scene);
         let error = scene.validate().expect_err(words).to_string();
         assert!(error.contains("motion of") && error.contains(words), "{error}");
+        let rendered = Renderer::new(&scene, options(8, 8, 1)).err().map(|error| error.to_string());
+        assert_eq!(rendered, Some(error), "a scene made in code is held to the same");
     }
 }
 
@@ -370,10 +373,12 @@ fn the_command_line_takes_a_shutter() {
 
     let (out, err) = pathspace(0, &["info", scene, "--shutter", "0.3,0.3"]);
     assert!(out.contains("shutter (0.3 s to 0.3 s): of zero length") && err.is_empty(), "{out}\n{err}");
-    let (_, err) = pathspace(0, &["info", scene]);
+    let (out, err) = pathspace(0, &["info", scene]);
     assert!(err.contains("--shutter OPEN,CLOSE"), "{err}");
+    assert!(out.contains("animations  animation 'propeller' (0 s to 1 s), animation 'bouncing'"), "{out}");
     let pixel = ["render", scene, "--width", "24", "--pixel", "7,8", "--sample", "1", "--json"];
     let (out, _) = pathspace(0, &[&pixel[..], &["--shutter", "0.3,0.4"]].concat());
     let replay: serde_json::Value = serde_json::from_str(&out).expect("valid JSON");
+    assert!(replay["time"].as_f64().is_some_and(|time| (0.0..1.0).contains(&time)), "{out}");
     assert!(replay["vertices"].as_array().is_some_and(|vertices| !vertices.is_empty()), "{out}");
 }

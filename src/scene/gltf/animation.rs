@@ -11,10 +11,10 @@ use std::rc::Rc;
 use glam::{DQuat, DVec3, DVec4};
 use serde_json::Value;
 
-use super::super::motion::Unmoved;
+use super::super::motion::{Span, Unmoved};
 use super::accessor::Accessor;
 use super::document::Document;
-use super::json::brief;
+use super::json::{brief, one_line};
 use super::node::index_value;
 use crate::error::Result;
 
@@ -31,8 +31,6 @@ pub(super) struct Trs {
 #[derive(Default)]
 pub(super) struct Animations<'d> {
     nodes: HashMap<usize, Vec<Channel<'d>>>,
-    /// Whether the file has any animation.
-    pub(super) present: bool,
     pub(super) unmoved: Vec<Unmoved>,
 }
 
@@ -71,12 +69,11 @@ impl<'d> Animations<'d> {
     /// Reads and checks every channel of the file.
     pub(super) fn read(document: &'d Document) -> Result<Animations<'d>> {
         let listed = document.table("animations")?;
-        let mut animations = Animations { present: !listed.is_empty(), ..Animations::default() };
+        let mut animations = Animations::default();
         let mut keys = HashMap::new();
         for animation in 0..listed.len() {
             let pointer = format!("/animations/{animation}");
-            let name = listed[animation].get("name").and_then(Value::as_str);
-            let name = name.map_or_else(|| format!("animation {animation}"), |name| format!("animation '{name}'"));
+            let name = name_of(&listed[animation], animation);
             for place in 0..document.array(&format!("{pointer}/channels"))?.len() {
                 let reader = ChannelReader { document, animation: pointer.clone(), place };
                 match reader.target()? {
@@ -134,6 +131,28 @@ impl<'d> Animations<'d> {
         }
         Ok(pose)
     }
+}
+
+fn name_of(animation: &Value, index: usize) -> String {
+    let name = animation.get("name").and_then(Value::as_str);
+    name.map_or_else(|| format!("animation {index}"), |name| format!("animation '{name}'"))
+}
+
+/// The animations and their times, by the bounds that accessors of keys must state: nothing of a buffer is read, and nothing refused but
+/// what is no list.
+pub(super) fn spans(document: &Document) -> Result<Vec<Span>> {
+    let bound = |sampler: &Value, member: &str| {
+        let input = sampler.get("input")?.as_u64()?;
+        let bound = document.value(&format!("/accessors/{input}/{member}/0"))?.as_f64()?;
+        bound.is_finite().then_some(bound)
+    };
+    let span = |(index, animation): (usize, &Value)| {
+        let samplers = animation.get("samplers").and_then(Value::as_array).into_iter().flatten();
+        let spans = samplers.filter_map(|sampler| bound(sampler, "min").zip(bound(sampler, "max")));
+        let seconds = spans.reduce(|(first, last), (from, to)| (first.min(from), last.max(to)));
+        Span { name: one_line(&name_of(animation, index)), seconds }
+    };
+    Ok(document.table("animations")?.iter().enumerate().map(span).collect())
 }
 
 /// What a channel drives.

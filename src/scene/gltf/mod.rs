@@ -57,7 +57,7 @@ impl Scene {
         let meshes = read_meshes(&document, &nodes, &mut materials, &mut dropped)?;
         let mut motion = Motion {
             shutter: options.shutter,
-            animated: timeline.animations.present,
+            animations: animation::spans(&document)?,
             unmoved: timeline.animations.unmoved.clone(),
             ..Motion::default()
         };
