@@ -84,7 +84,7 @@ pub fn hit_error_instanced(
 }
 
 /// Roundings of a pose between two, beside those of a pose: two backends that take it from the same ends may differ by eight of the
-/// larger end's elements, which is twice [`AFFINE_ROUNDING`] more.
+/// larger end's elements, which is twice [`AFFINE_ROUNDING`] more. (A sixth of it met no triangle again in 10⁵ rays on any backend.)
 const MOVING: f32 = 3.0;
 
 /// As [`hit_error_instanced`] for a mesh that moves: `reach` has the elements of the poses around the ray's time by their larger
