@@ -29,7 +29,8 @@ use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::BAKE_MESH_TRIANGLES;
 use pathspace::scene::motion::{Shutter, Track};
 use pathspace::scene::{
-    AlphaMode, ColorSpace, Environment, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId, TextureSlot, Wrap,
+    AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId,
+    TextureSlot, Wrap,
 };
 
 /// Frame of a child. Four samples are always passes of 1, 1 and 2, whatever the clock says.
@@ -62,7 +63,7 @@ const ROWS: &[Row] = &[
     row("things that do nothing", "base", "idle", None),
     row("lens", "base", "lens", Some(Gate::Lens)),
     row("shutter: a ball that moves", "base", "shutter", Some(Gate::Shutter)),
-    row("shutter: a heap that moves", "instances", "moving", None),
+    row("shutter: two heaps that move", "instances", "moving", None),
     row("base-colour texture", "base", "base-colour-texture", Some(Gate::Textures)),
     row("metallic-roughness texture", "metal-paper", "metallic-roughness-texture", Some(Gate::Textures)),
     row("normal map (with tangents)", "base", "normal-map", None),
@@ -200,13 +201,14 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     (scene, options)
 }
 
-/// The first instance of such a mesh goes a little to the right while the shutter is open.
+/// All instances of such meshes go a little to the right while the shutter is open.
 fn move_along(scene: &mut Scene, such: impl Fn(&Mesh) -> bool) {
-    let index = scene.instances.iter().position(|i| such(&scene.meshes[i.mesh.index()])).expect("a mesh that moves");
-    let start = scene.instances[index].world_from_object;
-    let end = Affine3A::from_translation(Vec3::new(0.1, 0.0, 0.0)) * start;
+    let end = Affine3A::from_translation(Vec3::new(0.1, 0.0, 0.0));
+    let such = scene.instances.iter().enumerate().filter(|(_, i)| such(&scene.meshes[i.mesh.index()]));
+    let track =
+        |(index, i): (usize, &Instance)| Track { index, steps: vec![i.world_from_object, end * i.world_from_object] };
+    scene.motion.instances = such.map(track).collect();
     scene.motion.shutter = Some(Shutter::new(0.0, 1.0).expect("a second"));
-    scene.motion.instances = vec![Track { index, steps: vec![start, end] }];
 }
 
 const RED: Vec3 = Vec3::new(0.7, 0.3, 0.2);
