@@ -10,48 +10,22 @@
 //! double the film. The spread of the estimate falls by 10 to 35 % only, because few pixels hold most of the variance, and
 //! its bias, which is in the denominators, stays.
 //!
-//! **relMSE** = mean over pixels and channels of v/(R² + ε), ε = 0.01·mean(I)² (DESIGN §9). The reference R is not there. The
-//! pixel's own mean is no substitute: one that caught a rare bright sample has a large v *and* a large mean, and dividing
-//! the one by the other hides exactly the error that is largest (0.1 to 0.9 of the true relMSE). The pixels around are
-//! none where lights and edges are: 0.5 to 200 times. R is therefore taken as Lee's filter (1980) takes it, between the mean p
-//! of the 5×5 pixels around and the pixel's own value h, here the harmonic mean of its halves, which a bright sample in
-//! one of them does not raise:
-//!
-//!   R = p + w·(h − p),  w = max(0, 1 − Σv/Σ(h − p)²), sums over the channels.
-//!
-//! Where the difference to the surroundings is noise, R is the surroundings; at an edge that stands out of the noise it is
-//! the pixel. The error of this is of second order in the noise, so that it vanishes with the samples.
-//!
-//! **Intervals.** relMSE: normal in its logarithm, with the spread over pixels, which are independent, and with
-//! `DENOMINATOR_SHARE` of the logarithm by which the choice of the denominators matters. Mean: Student's t with
-//! the degrees of freedom of the sum of the variances (Satterthwaite), the largest of them counted twice. Both are called unreliable where one pixel has more
-//! than a tenth of the sum, or the kurtosis over pixels exceeds a tenth of their number (HARDCASES §6.2).
+//! **relMSE** = mean over pixels and channels of v/(R² + ε), ε = 0.01·mean(I)² (DESIGN §9). The reference R is not there;
+//! `reference` says what stands in for it, `sums` what the sums over pixels say and how far they are to be trusted.
 //!
 //! Limits: light that no sample has found yet is missing from picture and estimate alike. Bias has no part in it.
 
+mod reference;
+mod sums;
+
 use rayon::prelude::*;
 
-use super::{Film, Pixel};
+use self::reference::{sampled_mean, sum_columns};
+use self::sums::{NORMAL_95, Sums};
+use super::Film;
 
 /// ε of relMSE as a fraction of the squared mean of the reference (DESIGN §9).
 pub const RELMSE_EPSILON: f64 = 0.01;
-
-/// Two-sided 95 % point of the normal distribution.
-const NORMAL_95: f64 = 1.959964;
-
-/// Pixels to each side whose mean stands in for the reference.
-const SURROUNDINGS: usize = 2;
-
-/// Standard error of ln relMSE that stands for the choice of the denominators, as a share of the logarithm of the
-/// quotient of the estimate to the one with the pixels' own means. Measured on the shared scenes: ln(true/estimate) is
-/// −0.1 to 0.4 of it; at 0.3 the intervals cover what they say (`tests/suite/estimate.rs`).
-const DENOMINATOR_SHARE: f64 = 0.3;
-
-/// Share of a sum, and of kurtosis in the number of pixels, above which an interval is called unreliable.
-const UNRELIABLE: f64 = 0.1;
-
-/// Mean of |z| of a normal z: √(2/π). Standard errors from one difference are too small by it on average.
-const MEAN_ABSOLUTE_NORMAL: f64 = 0.797_884_560_802_865_4;
 
 /// What a film says of its own error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,43 +55,6 @@ pub struct ErrorEstimate {
     pub reliable: bool,
 }
 
-/// Sums over the pixels of a row, or over rows.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    /// Pixels with both halves.
-    count: f64,
-    /// Powers 1 to 4 of a pixel's relative variance.
-    powers: [f64; 4],
-    /// Largest relative variance of a pixel.
-    largest: f64,
-    /// Relative variances with the pixels' own means in the denominator.
-    own: f64,
-    /// Standard errors, mean over channels.
-    stderr: f64,
-    /// Variances per channel, and their squares.
-    variance: [f64; 3],
-    variance_square: [f64; 3],
-    /// The largest variance.
-    variance_largest: [f64; 3],
-}
-
-impl Sums {
-    fn add(&mut self, other: &Sums) {
-        self.count += other.count;
-        self.largest = self.largest.max(other.largest);
-        self.own += other.own;
-        self.stderr += other.stderr;
-        for (sum, value) in self.powers.iter_mut().zip(other.powers) {
-            *sum += value;
-        }
-        for c in 0..3 {
-            self.variance[c] += other.variance[c];
-            self.variance_square[c] += other.variance_square[c];
-            self.variance_largest[c] = self.variance_largest[c].max(other.variance_largest[c]);
-        }
-    }
-}
-
 impl Film {
     /// Estimates the film's error against the converged picture, on the current pool of threads; the result does not
     /// depend on their number. `None` until both halves of a pixel have samples.
@@ -131,7 +68,7 @@ impl Film {
             || vec![[0.0; 4]; width],
             |columns, (y, row)| {
                 sum_columns(&own, y, columns);
-                row_sums(row, columns, epsilon)
+                Sums::of_row(row, columns, epsilon)
             },
         );
         let mut sums = Sums::default();
@@ -139,156 +76,6 @@ impl Film {
             sums.add(&row);
         }
         (sums.count > 0.0).then(|| sums.estimate(mean, epsilon))
-    }
-}
-
-/// Means of R, G, B and a 1 for a pixel with samples, zeros for others.
-fn sampled_mean(pixel: &Pixel) -> [f32; 4] {
-    let [r, g, b, _] = pixel.mean();
-    if pixel.samples() > 0 { [r as f32, g as f32, b as f32, 1.0] } else { [0.0; 4] }
-}
-
-/// Sums `own` over the rows around row `y`, column by column.
-fn sum_columns(own: &[[f32; 4]], y: usize, columns: &mut [[f64; 4]]) {
-    let width = columns.len();
-    let rows = y.saturating_sub(SURROUNDINGS)..(y + SURROUNDINGS + 1).min(own.len() / width);
-    columns.fill([0.0; 4]);
-    for row in own[rows.start * width..rows.end * width].chunks_exact(width) {
-        for (sum, value) in columns.iter_mut().zip(row) {
-            *sum = plus(*sum, value.map(f64::from));
-        }
-    }
-}
-
-/// Sums of the pixels of one row; `columns` holds the means summed over the rows around.
-fn row_sums(row: &[Pixel], columns: &[[f64; 4]], epsilon: f64) -> Sums {
-    let mut sums = Sums::default();
-    for (x, pixel) in row.iter().enumerate() {
-        let Some(Halves { a, b, shares }) = Halves::of(pixel) else { continue };
-        let variance: [f64; 3] = std::array::from_fn(|c| (a[c] - b[c]).powi(2) * shares[0] * shares[1]);
-        let reference = reference(a, b, surroundings(columns, x), variance);
-        let (mut relative, mut own, mut stderr) = (0.0, 0.0, 0.0);
-        for c in 0..3 {
-            let v = variance[c];
-            let mean = shares[0] * a[c] + shares[1] * b[c];
-            // A black pixel of a black image has no error: 0/0 is 0 here.
-            let quotient = |r: f64| if v > 0.0 && r * r + epsilon > 0.0 { v / (r * r + epsilon) } else { 0.0 };
-            relative += quotient(reference[c]) / 3.0;
-            own += quotient(mean) / 3.0;
-            stderr += v.sqrt();
-            sums.variance[c] += v;
-            sums.variance_square[c] += v * v;
-            sums.variance_largest[c] = sums.variance_largest[c].max(v);
-        }
-        let square = relative * relative;
-        for (sum, power) in sums.powers.iter_mut().zip([relative, square, square * relative, square * square]) {
-            *sum += power;
-        }
-        sums.count += 1.0;
-        sums.largest = sums.largest.max(relative);
-        sums.own += own;
-        sums.stderr += stderr / (3.0 * MEAN_ABSOLUTE_NORMAL);
-    }
-    sums
-}
-
-/// The means of a pixel's halves, and what each contributes to the pixel.
-struct Halves {
-    a: [f64; 3],
-    b: [f64; 3],
-    /// Shares of the halves in the samples.
-    shares: [f64; 2],
-}
-
-impl Halves {
-    /// `None` until both halves have samples.
-    #[inline(always)]
-    fn of(pixel: &Pixel) -> Option<Self> {
-        let [n0, n1] = pixel.n.map(|n| n as f64);
-        if n0 == 0.0 || n1 == 0.0 {
-            return None;
-        }
-        let (inverse, total) = ([1.0 / n0, 1.0 / n1], 1.0 / (n0 + n1));
-        let mean = |half: usize| std::array::from_fn(|c| pixel.sum[half][c] * inverse[half]);
-        Some(Halves { a: mean(0), b: mean(1), shares: [n0 * total, n1 * total] })
-    }
-}
-
-/// Mean of R, G, B over the sampled pixels around column `x` and in it.
-#[inline(always)]
-fn surroundings(columns: &[[f64; 4]], x: usize) -> [f64; 3] {
-    let around = &columns[x.saturating_sub(SURROUNDINGS)..(x + SURROUNDINGS + 1).min(columns.len())];
-    let sum = around.iter().fold([0.0; 4], |sum, value| plus(sum, *value));
-    let inverse = 1.0 / sum[3];
-    std::array::from_fn(|c| sum[c] * inverse)
-}
-
-/// What stands in for the converged pixel of halves `a` and `b`: between the surroundings and the harmonic mean of the
-/// halves, by Lee's weight.
-#[inline(always)]
-fn reference(a: [f64; 3], b: [f64; 3], around: [f64; 3], variance: [f64; 3]) -> [f64; 3] {
-    let own: [f64; 3] = std::array::from_fn(|c| {
-        let product = a[c] * b[c];
-        if product > 0.0 { 2.0 * product / (a[c] + b[c]) } else { 0.0 }
-    });
-    let (mut noise, mut difference) = (0.0, 0.0);
-    for c in 0..3 {
-        noise += variance[c];
-        difference += (own[c] - around[c]).powi(2);
-    }
-    let weight = if difference > noise { 1.0 - noise / difference } else { 0.0 };
-    std::array::from_fn(|c| around[c] + weight * (own[c] - around[c]))
-}
-
-#[inline(always)]
-fn plus(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
-}
-
-impl Sums {
-    /// The estimate of a picture with this `mean`.
-    fn estimate(&self, mean: [f64; 4], epsilon: f64) -> ErrorEstimate {
-        let n = self.count;
-        let [relmse, m2, m3, m4] = self.powers.map(|sum| sum / n);
-        // Central moments over the pixels.
-        let spread = (m2 - relmse * relmse).max(0.0);
-        let fourth = m4 - 4.0 * relmse * m3 + 6.0 * relmse * relmse * m2 - 3.0 * relmse.powi(4);
-        let relmse_stderr = if n > 1.0 { (spread / (n - 1.0)).sqrt() } else { relmse };
-        let positive = relmse > 0.0;
-        let kurtosis_share = if spread > 0.0 { fourth / (spread * spread) / n } else { 0.0 };
-        let largest_share = if positive { self.largest / self.powers[0] } else { 0.0 };
-        let own = self.own / n;
-        let denominator_error = if positive && own > 0.0 { DENOMINATOR_SHARE * (relmse / own).ln().abs() } else { 0.0 };
-        let log_error = if positive { (relmse_stderr / relmse).hypot(denominator_error) } else { 0.0 };
-        let factor = (NORMAL_95 * log_error).exp();
-        let mean = [mean[0], mean[1], mean[2]];
-        let mean_stderr = self.variance.map(|sum| sum.sqrt() / n);
-        ErrorEstimate {
-            relmse,
-            relmse_stderr,
-            denominator_error,
-            interval: [relmse / factor, relmse * factor],
-            epsilon,
-            stderr_mean: self.stderr / n,
-            mean,
-            mean_stderr,
-            mean_interval: std::array::from_fn(|c| {
-                // As if one more pixel like the largest had been missed: rare events come in small numbers.
-                let widened = (self.variance[c] + self.variance_largest[c]).sqrt() / n;
-                let half = student_95(self.degrees(c)) * widened;
-                [mean[c] - half, mean[c] + half]
-            }),
-            largest_share,
-            reliable: n > 1.0 && largest_share <= UNRELIABLE && kurtosis_share <= UNRELIABLE,
-        }
-    }
-
-    /// Degrees of freedom of the sum of the variances of channel `c`: 2·(Σv)²/Var(Σv), the variance from the spread over
-    /// pixels.
-    fn degrees(&self, c: usize) -> f64 {
-        let (sum, square) = (self.variance[c], self.variance_square[c]);
-        let spread = square - sum * sum / self.count;
-        if spread > 0.0 { 2.0 * sum * sum / spread } else { f64::INFINITY }
     }
 }
 
@@ -315,17 +102,6 @@ impl ErrorEstimate {
             self.relmse
         }
     }
-}
-
-/// Two-sided 95 % point of Student's t with `degrees` > 0, at least 3 taken: Fisher's expansion to the third order, within
-/// 1 % of the exact value.
-fn student_95(degrees: f64) -> f64 {
-    let (z, nu) = (NORMAL_95, degrees.max(3.0));
-    let z2 = z * z;
-    let first = z * (z2 + 1.0) / 4.0;
-    let second = z * (5.0 * z2 * z2 + 16.0 * z2 + 3.0) / 96.0;
-    let third = z * (3.0 * z2.powi(3) + 19.0 * z2 * z2 + 17.0 * z2 - 15.0) / 384.0;
-    z + first / nu + second / (nu * nu) + third / nu.powi(3)
 }
 
 #[cfg(test)]
@@ -388,42 +164,6 @@ pub(super) mod tests {
         }
         let ratio = film.error_estimate().expect("both halves have samples").relmse / (19.0 / 16.0 / 1.01);
         assert!((0.9..1.45).contains(&ratio), "{ratio}");
-    }
-
-    #[test]
-    fn surroundings_stop_at_the_border_and_at_pixels_without_samples() {
-        let mut film = full(7, 4);
-        for (i, pixel) in film.pixels.iter_mut().enumerate() {
-            pixel.add(0, [i as f32, 1.0, 0.0], 1.0, 1.0);
-        }
-        film.pixels[1] = Default::default();
-        let own: Vec<[f32; 4]> = film.pixels.iter().map(sampled_mean).collect();
-        let mut columns = [[0.0; 4]; 7];
-        sum_columns(&own, 0, &mut columns);
-        // Corner: columns and rows 0 to 2 without the pixel that has no samples.
-        let expected: f64 = [0, 2, 7, 8, 9, 14, 15, 16].iter().map(|&i| f64::from(i)).sum();
-        assert_eq!(surroundings(&columns, 0), [expected * 0.125, 1.0, 0.0]);
-        sum_columns(&own, 1, &mut columns);
-        assert_eq!(columns.iter().map(|c| c[3]).collect::<Vec<_>>(), [4.0, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0]);
-    }
-
-    #[test]
-    fn the_reference_is_the_pixel_at_an_edge_and_the_surroundings_under_a_bright_sample() {
-        let of = |a: f64, b: f64| {
-            let variance = f64::powi(a - b, 2) / 4.0;
-            reference([a; 3], [b; 3], [1.0; 3], [variance; 3])[0]
-        };
-        // An edge: 10 ± 0.1 among ones. A bright sample: one half is as dark as the surroundings.
-        assert!((of(10.1, 9.9) - 10.0).abs() < 0.02, "{}", of(10.1, 9.9));
-        assert_eq!(of(1000.0, 1.0), 1.0);
-        assert_eq!(of(0.0, 0.0), 0.0);
-    }
-
-    #[test]
-    fn points_of_student_s_t_are_those_of_the_tables() {
-        for (degrees, t) in [(3.0, 3.182), (5.0, 2.571), (10.0, 2.228), (30.0, 2.042), (f64::INFINITY, 1.960)] {
-            assert!((student_95(degrees) / t - 1.0).abs() < 0.01, "{degrees}: {}", student_95(degrees));
-        }
     }
 
     #[test]
