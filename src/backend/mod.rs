@@ -6,7 +6,7 @@
 pub mod batch;
 pub mod brute;
 #[cfg(feature = "embree")]
-#[allow(unsafe_code)] // Fence 1 of 4: the Embree API.
+#[allow(unsafe_code)] // Fence 1 of 5: the Embree API.
 pub mod embree;
 pub mod flat;
 pub mod obvhs;
