@@ -106,6 +106,15 @@ impl BackendKind {
         if flat::suits(geometry) { BackendKind::Flat } else { BackendKind::available()[0] }
     }
 
+    /// Whether the backend can be held to instruction set `isa`, given a processor that has it.
+    pub fn pins(self, isa: &str) -> bool {
+        match self {
+            BackendKind::Embree => true,
+            BackendKind::Obvhs => matches!(isa, "avx2" | "avx512"),
+            BackendKind::Flat | BackendKind::Brute => false,
+        }
+    }
+
     /// The backends of this build that trace any scene, fastest first.
     pub fn available() -> &'static [BackendKind] {
         if cfg!(feature = "embree") {

@@ -59,15 +59,19 @@ impl Obvhs {
     /// Builds one hierarchy per mesh and one over the instances.
     ///
     /// # Errors
-    /// [`Error::Backend`] if the build threads cannot be started.
+    /// [`Error::Backend`] if the build threads cannot be started, or the processor has not the instruction set that is asked for.
     pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
+        let wide = math::isa::has_avx512();
+        let wide = match options.isa.as_deref() {
+            Some("avx512") if !wide => return refuse("this processor has no AVX-512".into()),
+            isa => wide && isa.is_none_or(|isa| isa == "avx512"),
+        };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(options.build_threads)
             .build()
-            .map_err(|e| Error::Backend { backend: "obvhs", problem: format!("cannot start build threads: {e}") })?;
+            .or_else(|e| refuse(format!("cannot start build threads: {e}")))?;
         let hierarchy = pool.install(|| Hierarchy::build(geometry));
         let single = QueryMode::Single.name();
-        let wide = math::isa::has_avx512() && options.isa.as_deref().is_none_or(|isa| isa == "avx512");
         let info = BackendInfo {
             kind: BackendKind::Obvhs,
             version: CRATE_VERSION.into(),
@@ -80,6 +84,10 @@ impl Obvhs {
         };
         Ok(Obvhs { info, hierarchy, wide })
     }
+}
+
+fn refuse<T>(problem: String) -> Result<T> {
+    Err(Error::Backend { backend: "obvhs", problem })
 }
 
 impl Backend for Obvhs {
