@@ -6,7 +6,7 @@
 pub mod batch;
 pub mod brute;
 #[cfg(feature = "embree")]
-#[allow(unsafe_code)] // Fence 1 of 4: the Embree API.
+#[allow(unsafe_code)] // Fence 1 of 5: the Embree API.
 pub mod embree;
 pub mod flat;
 pub mod obvhs;
@@ -104,6 +104,15 @@ impl BackendKind {
     /// The fastest backend of this build for `geometry`.
     pub fn fastest(geometry: &Geometry) -> BackendKind {
         if flat::suits(geometry) { BackendKind::Flat } else { BackendKind::available()[0] }
+    }
+
+    /// Whether the backend can be held to instruction set `isa`, given a processor that has it.
+    pub fn pins(self, isa: &str) -> bool {
+        match self {
+            BackendKind::Embree => true,
+            BackendKind::Obvhs => matches!(isa, "avx2" | "avx512"),
+            BackendKind::Flat | BackendKind::Brute => false,
+        }
     }
 
     /// The backends of this build that trace any scene, fastest first.

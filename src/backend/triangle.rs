@@ -12,7 +12,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::batch::{RayBlock, RayHitBlock};
+use crate::backend::batch::{RayBlock, RayHitBlock};
 use crate::scene::geometry::Placement;
 pub(crate) use crate::scene::geometry::is_degenerate;
 
@@ -86,6 +86,12 @@ impl Closest {
         Closest { hit: TriangleHit { t: tfar, u: 0.0, v: 0.0 }, rank: Self::NOTHING }
     }
 
+    /// Whether there is a hit.
+    #[inline(always)]
+    pub fn is_hit(&self) -> bool {
+        self.rank != Self::NOTHING
+    }
+
     /// Keeps the closer of the two, or the lower at equal distance.
     #[inline(always)]
     pub fn offer(&mut self, hit: TriangleHit, rank: Rank) {
@@ -97,7 +103,7 @@ impl Closest {
     /// Writes the hit, if there is one, to a lane that was cleared.
     #[inline(always)]
     pub fn store(&self, block: &mut RayHitBlock, lane: usize) {
-        if self.rank != Self::NOTHING {
+        if self.is_hit() {
             block.ray.tfar[lane] = self.hit.t;
             block.hit.u[lane] = self.hit.u;
             block.hit.v[lane] = self.hit.v;
@@ -198,30 +204,12 @@ impl RayShear {
             let i = candidates.trailing_zeros() as usize;
             candidates &= candidates - 1;
             let at = |v: &[[f32; N]; 3]| DVec3::new(f64::from(v[0][i]), f64::from(v[1][i]), f64::from(v[2][i]));
-            let hit = self.hit_of(at(&a), at(&b), at(&c));
+            let hit = hit_of(at(&a), at(&b), at(&c), self.dz);
             (hits.t[i], hits.u[i], hits.v[i]) = (hit.t, hit.u, hit.v);
             mask &= !(u32::from(!(hit.t >= tnear && hit.t <= tfar)) << i);
         }
         hits.mask = mask;
         hits
-    }
-
-    /// Weights and depth of a hit from sheared vertices, in f64: products of f32 are exact there. In f32 the rounding of the
-    /// weights would be amplified by the triangle's aspect ratio and by 1/cos where it is grazed, and a ray could meet the
-    /// triangle it was spawned on; so only the rounding of the vertices is left (table of `math::float`). Exactly edge-on,
-    /// t is NaN, which no range accepts.
-    #[inline(always)]
-    fn hit_of(&self, a: DVec3, b: DVec3, c: DVec3) -> TriangleHit {
-        let edge = |p: DVec3, q: DVec3| p.x * q.y - p.y * q.x;
-        let (wa, wb, wc) = (edge(c, b), edge(a, c), edge(b, a));
-        let area = wa + wb + wc;
-        // f32 accepted the edges; where f64 disagrees by a rounding the hit stays on the rim.
-        let u = (wb / area).clamp(0.0, 1.0);
-        let v = (wc / area).max(0.0).min(1.0 - u);
-        // Depth from differences: weights that do not quite add up to one cannot move the hit along the ray.
-        let depth = a.z + (u * (b.z - a.z) + v * (c.z - a.z));
-        let t = if area != 0.0 { depth / f64::from(self.dz) } else { f64::NAN };
-        TriangleHit { t: t as f32 + 0.0, u: u as f32 + 0.0, v: v as f32 + 0.0 }
     }
 
     /// Vertices relative to the origin, sheared so that the ray runs along the third axis.
@@ -239,6 +227,24 @@ impl RayShear {
     }
 }
 
+/// Weights and depth of a hit from sheared vertices, in f64: products of f32 are exact there. In f32 the rounding of the
+/// weights would be amplified by the triangle's aspect ratio and by 1/cos where it is grazed, and a ray could meet the
+/// triangle it was spawned on; so only the rounding of the vertices is left (table of `math::float`). Exactly edge-on,
+/// t is NaN, which no range accepts.
+#[inline(always)]
+pub(crate) fn hit_of(a: DVec3, b: DVec3, c: DVec3, dz: f32) -> TriangleHit {
+    let edge = |p: DVec3, q: DVec3| p.x * q.y - p.y * q.x;
+    let (wa, wb, wc) = (edge(c, b), edge(a, c), edge(b, a));
+    let area = wa + wb + wc;
+    // f32 accepted the edges; where f64 disagrees by a rounding the hit stays on the rim.
+    let u = (wb / area).clamp(0.0, 1.0);
+    let v = (wc / area).max(0.0).min(1.0 - u);
+    // Depth from differences: weights that do not quite add up to one cannot move the hit along the ray.
+    let depth = a.z + (u * (b.z - a.z) + v * (c.z - a.z));
+    let t = if area != 0.0 { depth / f64::from(dz) } else { f64::NAN };
+    TriangleHit { t: t as f32 + 0.0, u: u as f32 + 0.0, v: v as f32 + 0.0 }
+}
+
 /// p × q in the sheared plane.
 #[inline(always)]
 fn cross_lanes<const N: usize>(p: &[[f32; N]; 3], q: &[[f32; N]; 3]) -> [f32; N] {
@@ -253,7 +259,7 @@ fn cross_lanes<const N: usize>(p: &[[f32; N]; 3], q: &[[f32; N]; 3]) -> [f32; N]
 /// difference has the exact sign; one that rounds to zero again on the way back counts as on the edge, never as a miss.
 #[cold]
 #[inline(never)]
-fn settle_zeros<const N: usize>(
+pub(crate) fn settle_zeros<const N: usize>(
     a: &[[f32; N]; 3],
     b: &[[f32; N]; 3],
     c: &[[f32; N]; 3],

@@ -128,7 +128,7 @@ pub fn measure(kind: BackendKind, setup: &Setup) -> Result<BackendRates> {
     for mode in QueryMode::ALL {
         // What a mode runs as is known without the scene.
         let options = |threads| BackendOptions {
-            isa: setup.options.isa.clone().filter(|_| kind == BackendKind::Embree),
+            isa: setup.options.isa.clone().filter(|isa| kind.pins(isa)),
             robust: setup.options.robust,
             build_threads: threads,
             ..BackendOptions::with_mode(mode)

@@ -205,7 +205,7 @@ pub struct SettingsArgs {
     /// Embree's robust traversal; off is faster and loses rays at edges shared by triangles (the other backends have no such mode)
     #[arg(long, value_enum, default_value = "on", help_heading = "Machine")]
     pub robust: Switch,
-    /// Pin Embree's instruction set; the other backends have nothing to pin
+    /// Pin the instruction set of embree, or of obvhs (avx2 or avx512); the other backends have nothing to pin
     #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
     pub isa: Option<String>,
 

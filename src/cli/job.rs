@@ -131,9 +131,12 @@ fn place(path: &Path) -> PathBuf {
 /// [`Error::Option`] naming the option.
 pub fn check(args: &SettingsArgs) -> Result<()> {
     let backend = args.backend.unwrap_or(BackendKind::available()[0]);
-    if args.isa.is_some() && backend != BackendKind::Embree {
+    if let Some(isa) = args.isa.as_deref().filter(|isa| !backend.pins(isa)) {
         let name = backend.name();
-        return refuse("--isa", format!("backend '{name}' has no instruction set to pin; only 'embree' has"));
+        return refuse(
+            "--isa",
+            format!("backend '{name}' has no {isa} to pin; 'embree' has all, 'obvhs' avx2 and avx512"),
+        );
     }
     if args.robust == Switch::Off && backend != BackendKind::Embree {
         let name = backend.name();

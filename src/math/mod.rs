@@ -3,7 +3,7 @@
 pub mod angle;
 pub mod float;
 pub mod frame;
-#[allow(unsafe_code)] // Fence 4 of 4: calls into code compiled for AVX-512.
+#[allow(unsafe_code)] // Fence 4 of 5: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lanes;
 pub mod table;

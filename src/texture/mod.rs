@@ -10,7 +10,7 @@ pub mod decode;
 mod lanes;
 pub mod load;
 #[cfg(feature = "oiio")]
-#[allow(unsafe_code)] // Fence 2 of 4: the shim over OpenImageIO.
+#[allow(unsafe_code)] // Fence 2 of 5: the shim over OpenImageIO.
 pub mod oiio;
 mod plane;
 mod pyramid;

@@ -16,7 +16,7 @@ pub mod factors;
 pub mod first_hit;
 pub mod footprint;
 pub mod general;
-#[allow(unsafe_code)] // Fence 3 of 4: calls into code compiled for AVX-512.
+#[allow(unsafe_code)] // Fence 3 of 5: calls into code compiled for AVX-512.
 pub mod isa;
 pub mod lambert;
 pub mod light_sample;

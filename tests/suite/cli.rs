@@ -132,7 +132,7 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--stats", "a.gltf"], "--stats"),
         (&["render", "a.gltf", "-o", "a.png", "--png", "./a.png"], "two outputs"),
         (&["render", "a.gltf", "-o", "a.exr", "--isa", "mmx"], "sse4.2"),
-        (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "obvhs"], "--isa: backend 'obvhs'"),
+        (&["render", "a.gltf", "-o", "a.exr", "--isa", "sse2", "--backend", "obvhs"], "--isa: backend 'obvhs'"),
         (&["render", "a.gltf", "-o", "a.exr", "--isa", "avx2", "--backend", "brute"], "--isa: backend 'brute'"),
         (&["render", "a.gltf", "-o", "a.exr", "--reference", "b.exr"], "--error-log"),
         (&["render", "a.gltf", "-o", "a.exr", "--error-log", "b.csv"], "--reference"),

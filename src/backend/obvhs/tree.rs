@@ -10,9 +10,6 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 
-/// Primitives of a leaf: the lanes of one triangle block.
-pub(super) const LEAF_SIZE: usize = 4;
-
 /// Levels of the binary tree.
 pub(super) const MAX_DEPTH: usize = 64;
 
@@ -60,7 +57,7 @@ impl Bounds {
     }
 
     /// Halved first: the sum of two large coordinates may overflow.
-    fn center(self) -> Vec3 {
+    pub fn center(self) -> Vec3 {
         self.lo * 0.5 + self.hi * 0.5
     }
 }
@@ -70,7 +67,7 @@ impl Bounds {
 pub(super) enum Below {
     /// Two nodes.
     Nodes(u32, u32),
-    /// `order[first..first + count]`, at most [`LEAF_SIZE`].
+    /// `order[first..first + count]`.
     Leaf { first: u32, count: u32 },
 }
 
@@ -90,10 +87,10 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Builds over the boxes named by `items`.
-    pub fn build(boxes: &[Bounds], mut items: Vec<u32>) -> Self {
-        if items.len() <= LEAF_SIZE {
-            return Self::by_median(boxes, items);
+    /// Builds over the boxes named by `items`, with at most `leaf_size` of them in a leaf.
+    pub fn build(boxes: &[Bounds], mut items: Vec<u32>, leaf_size: usize) -> Self {
+        if items.len() <= leaf_size {
+            return Self::by_median(boxes, items, leaf_size);
         }
 
         // Boxes of one centre stand together; each group of many becomes one entry.
@@ -116,10 +113,10 @@ impl Tree {
             _ => {
                 let aabbs: Vec<Aabb> =
                     entries.iter().map(entry_bounds).map(|b| Aabb::new(b.lo.into(), b.hi.into())).collect();
-                Self::by_clusters(boxes, &items, &entries, &aabbs)
+                Self::by_clusters(boxes, &items, &entries, &aabbs, leaf_size)
             }
         };
-        tree.unwrap_or_else(|| Self::by_median(boxes, items))
+        tree.unwrap_or_else(|| Self::by_median(boxes, items, leaf_size))
     }
 
     /// The crate's builder over `entries`, each a range of `items`. `None` when the result is too deep.
@@ -128,8 +125,14 @@ impl Tree {
         items: &[u32],
         entries: &[std::ops::Range<usize>],
         aabbs: &[Aabb],
+        leaf_size: usize,
     ) -> Option<Self> {
-        let params = BvhBuildParams { max_prims_per_leaf: LEAF_SIZE as u32, ..BvhBuildParams::medium_build() };
+        // Four times the reinsertions of the crate's `medium`: 1.0 to 1.05 of its rate for 1.4 of its time.
+        let params = BvhBuildParams {
+            max_prims_per_leaf: leaf_size as u32,
+            reinsertion_batch_ratio: 0.2,
+            ..BvhBuildParams::medium_build()
+        };
         let bvh = build_bvh2(aabbs, params, &mut std::time::Duration::default());
         let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.len()) };
         tree.nodes.push(TreeNode { bounds: Bounds::EMPTY, below: Below::Leaf { first: 0, count: 0 } });
@@ -145,7 +148,7 @@ impl Tree {
                     .iter()
                     .flat_map(|&entry| items[entries[entry as usize].clone()].iter().copied())
                     .collect();
-                tree.split(boxes, target, members);
+                tree.split(boxes, target, members, leaf_size);
             } else {
                 let left = tree.nodes.len();
                 let bounds = Bounds { lo: node.aabb().min.into(), hi: node.aabb().max.into() };
@@ -161,23 +164,23 @@ impl Tree {
     }
 
     /// Median splits alone: ⌈log2(n)⌉ levels whatever the boxes are.
-    pub fn by_median(boxes: &[Bounds], items: Vec<u32>) -> Self {
+    pub fn by_median(boxes: &[Bounds], items: Vec<u32>, leaf_size: usize) -> Self {
         let mut tree = Tree::default();
         if !items.is_empty() {
             tree.nodes.push(TreeNode { bounds: Bounds::EMPTY, below: Below::Leaf { first: 0, count: 0 } });
-            tree.split(boxes, 0, items);
+            tree.split(boxes, 0, items, leaf_size);
         }
         tree
     }
 
     /// Puts a subtree over `items` at node `target`: halves by centre along the longest axis, by size where all centres
     /// coincide.
-    fn split(&mut self, boxes: &[Bounds], target: usize, mut items: Vec<u32>) {
+    fn split(&mut self, boxes: &[Bounds], target: usize, mut items: Vec<u32>, leaf_size: usize) {
         let mut pending = vec![(target, 0..items.len())];
         while let Some((target, range)) = pending.pop() {
             let members = &mut items[range.clone()];
             let bounds = members.iter().fold(Bounds::EMPTY, |b, &i| b.union(boxes[i as usize]));
-            if members.len() <= LEAF_SIZE {
+            if members.len() <= leaf_size {
                 members.sort_unstable();
                 let below = Below::Leaf { first: self.order.len() as u32, count: members.len() as u32 };
                 self.nodes[target] = TreeNode { bounds, below };
@@ -230,7 +233,12 @@ mod tests {
 
     /// Every box in one leaf, every node's box around those below it, depth bounded.
     fn check(boxes: &[Bounds]) -> usize {
-        let tree = Tree::build(boxes, (0..boxes.len() as u32).collect());
+        check_leaves(boxes, 1);
+        check_leaves(boxes, 4)
+    }
+
+    fn check_leaves(boxes: &[Bounds], leaf_size: usize) -> usize {
+        let tree = Tree::build(boxes, (0..boxes.len() as u32).collect(), leaf_size);
         let mut seen = tree.order.clone();
         seen.sort_unstable();
         assert_eq!(seen, (0..boxes.len() as u32).collect::<Vec<_>>());
@@ -244,7 +252,7 @@ mod tests {
                     inside(node.bounds, tree.nodes[right as usize].bounds);
                 }
                 Below::Leaf { first, count } => {
-                    assert!(count as usize <= LEAF_SIZE && count > 0);
+                    assert!(count as usize <= leaf_size && count > 0);
                     for &i in &tree.order[first as usize..(first + count) as usize] {
                         inside(node.bounds, boxes[i as usize]);
                     }

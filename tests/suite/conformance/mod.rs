@@ -19,6 +19,7 @@ use std::fmt::Write as _;
 use glam::Vec3;
 use pathspace::backend::batch::{BLOCKED, Hit, LANES, RayBlock, RayHitBlock};
 use pathspace::backend::{self, Backend, BackendKind, BackendOptions, Coherence, QueryMode};
+use pathspace::math;
 use pathspace::scene::geometry::Geometry;
 
 /// Embree's documented loss of rays aimed at vertices: at most 1600 of 200 000 (HARDCASES G02).
@@ -100,6 +101,8 @@ pub(crate) struct Row {
     pub kind: BackendKind,
     pub rule: Rule,
     pub mode: QueryMode,
+    /// Narrower instructions than the processor's; `None` for the widest.
+    isa: Option<&'static str>,
 }
 
 impl Row {
@@ -107,7 +110,7 @@ impl Row {
     pub fn name(&self) -> String {
         match self.kind {
             BackendKind::Embree => format!("{}/{}", self.kind.name(), self.mode),
-            _ => self.kind.name().into(),
+            _ => self.kind.name().to_owned() + &self.isa.map(|isa| format!("/{isa}")).unwrap_or_default(),
         }
     }
 }
@@ -125,7 +128,10 @@ pub(crate) fn rows() -> Vec<Row> {
             continue;
         }
         let rule = RULES.iter().find(|r| r.0 == kind).expect("every backend has a line in RULES").1;
-        rows.extend(QueryMode::ALL.map(|mode| Row { kind, rule, mode }));
+        rows.extend(QueryMode::ALL.map(|mode| Row { kind, rule, mode, isa: None }));
+        if kind == BackendKind::Obvhs && math::isa::has_avx512() {
+            rows.push(Row { kind, rule, mode: QueryMode::Single, isa: Some("avx2") });
+        }
     }
     rows
 }
@@ -140,20 +146,26 @@ pub(crate) fn variants() -> Vec<Row> {
 /// [`variants`] and `flat`, where [`BackendKind::traces`] says so.
 pub(crate) fn tracers() -> Vec<Row> {
     let mut tracers = rows();
+    tracers.retain(|row| row.isa.is_none());
     tracers.dedup_by_key(|row| row.name());
     tracers
 }
 
 /// Builds a row's backend; `None` if it traces this mode by the code of an earlier one, or this geometry not at all.
-fn build(row: &Row, geometry: &Geometry, traced: &mut Vec<(BackendKind, &'static str)>) -> Option<Box<dyn Backend>> {
+fn build(
+    row: &Row,
+    geometry: &Geometry,
+    traced: &mut Vec<(BackendKind, &'static str, String)>,
+) -> Option<Box<dyn Backend>> {
     if !row.kind.traces(geometry) {
         return None;
     }
-    let built = backend::build(row.kind, geometry, &BackendOptions::with_mode(row.mode)).expect("the backend builds");
+    let options = BackendOptions { isa: row.isa.map(str::to_owned), ..BackendOptions::with_mode(row.mode) };
+    let built = backend::build(row.kind, geometry, &options).expect("the backend builds");
     let info = built.info();
     assert_eq!(info.kind, row.kind);
     assert_eq!((info.rays_incoherent, info.rays_coherent), (info.rays_shadow, info.rays_shadow));
-    let effective = (row.kind, info.rays_shadow);
+    let effective = (row.kind, info.rays_shadow, info.isa.clone());
     if traced.contains(&effective) {
         return None;
     }

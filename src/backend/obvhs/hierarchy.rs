@@ -1,0 +1,158 @@
+//! Every mesh's nodes and triangles in one array each, and the hierarchy over the instances.
+
+use std::ops::Range;
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use super::fold::fold;
+use super::isa;
+use super::leaf::Block;
+use super::mesh::MeshTree;
+use super::node::Node;
+use super::reference::Reference;
+use super::tree::{Bounds, Tree};
+use crate::scene::geometry::{Geometry, Placement};
+use crate::scene::placement::Moving;
+
+/// What the walk reads.
+#[derive(Debug)]
+pub(super) struct Hierarchy {
+    pub nodes: Vec<Node>,
+    pub blocks: Vec<Block>,
+    /// The mesh that lies in the world; [`Reference::NOTHING`] if it is empty.
+    pub world: Reference,
+    /// The hierarchy over the instances.
+    pub top: Reference,
+    /// The meshes.
+    pub roots: Vec<Reference>,
+    pub instances: Vec<Placement>,
+    /// Where those that move are over the shutter.
+    pub moving: Moving,
+    /// Triangles that are kept.
+    pub triangles: u64,
+}
+
+impl Hierarchy {
+    /// Builds one hierarchy per mesh, on the threads of the current pool, and one over the instances.
+    pub fn build(geometry: &Geometry) -> Self {
+        let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
+        // Only the world mesh lies in the scene's space; the others know no extent but their own.
+        let diagonal = |mesh: usize| if mesh == 0 { scene.diagonal() } else { 0.0 };
+        let meshes: Vec<MeshTree> =
+            geometry.meshes.par_iter().enumerate().map(|(i, mesh)| MeshTree::build(mesh, diagonal(i))).collect();
+        let bounds: Vec<Bounds> = meshes.iter().map(|mesh| mesh.bounds).collect();
+        let (nodes, top) = over_instances(geometry, &bounds, reach_of(scene));
+
+        let mut all = Hierarchy {
+            nodes: Vec::new(),
+            blocks: Vec::new(),
+            world: Reference::NOTHING,
+            top: Reference::NOTHING,
+            roots: Vec::with_capacity(meshes.len()),
+            instances: geometry.instances.clone(),
+            moving: geometry.moving.clone(),
+            triangles: meshes.iter().map(|mesh| mesh.triangles).sum(),
+        };
+        for mesh in meshes {
+            let root = all.append(mesh.nodes, mesh.blocks, mesh.root);
+            all.roots.push(root);
+        }
+        all.top = all.append(nodes, Vec::new(), top);
+        all.world = all.roots.first().copied().unwrap_or(Reference::NOTHING);
+        all
+    }
+
+    /// Adds nodes and blocks that refer to one another; the root as it is called here.
+    fn append(&mut self, mut nodes: Vec<Node>, blocks: Vec<Block>, root: Reference) -> Reference {
+        if self.nodes.is_empty() && self.blocks.is_empty() {
+            // The first, often the only one, stays where it is.
+            (self.nodes, self.blocks) = (nodes, blocks);
+            return root;
+        }
+        let (before, blocks_before) = (self.nodes.len(), self.blocks.len());
+        for node in &mut nodes {
+            node.children = node.children.map(|child| child.shifted(before, blocks_before));
+        }
+        self.nodes.append(&mut nodes);
+        self.blocks.extend(blocks);
+        root.shifted(before, blocks_before)
+    }
+
+    /// Mesh of an instance, by its number + 1; 0 is the world.
+    #[inline(always)]
+    pub fn mesh_of(&self, instance: u32) -> u32 {
+        if instance == 0 { 0 } else { self.instances[instance as usize - 1].mesh }
+    }
+
+    /// Where the things lie that references of each stage name.
+    pub fn places(&self) -> Places {
+        let nodes = (self.nodes.as_ptr().cast(), size_of::<Node>());
+        let blocks = (self.blocks.as_ptr().cast(), size_of::<Block>());
+        // For what is rare some place that is there: an address out of the way takes the longest to look up.
+        Places([nodes, nodes, blocks, (nodes.0, 0)])
+    }
+
+    /// Bytes of nodes and blocks.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+    }
+}
+
+/// First address and size of the things of a stage, by [`Reference::stage_bits`].
+pub(super) struct Places([(*const u8, usize); 4]);
+
+impl Places {
+    /// Asks for the memory of what is visited next: three cache lines, which hold a block; a node needs two, but a branch would cost
+    /// more than the third.
+    #[inline(always)]
+    pub fn fetch(&self, what: Reference) {
+        let (first, size) = self.0[what.stage_bits() & 3];
+        isa::fetch::<3>(first.wrapping_add(what.index() * size));
+    }
+}
+
+/// The nodes over the instances, whose references name instances, and their root.
+fn over_instances(geometry: &Geometry, meshes: &[Bounds], reach: DVec3) -> (Vec<Node>, Reference) {
+    // Instances of empty meshes cannot be hit and would have no box.
+    let (mut placed, mut boxes) = (Vec::new(), Vec::new());
+    for (i, placement) in geometry.instances.iter().enumerate() {
+        let Some(&mesh) = meshes.get(placement.mesh as usize).filter(|mesh| !mesh.is_empty()) else { continue };
+        placed.push(i);
+        boxes.push(match geometry.moving.steps(i as u32) {
+            [] => instance_bounds(placement, mesh, reach),
+            steps => moving_bounds(steps, mesh, reach),
+        });
+    }
+    let items = || -> Vec<u32> { Range { start: 0, end: boxes.len() as u32 }.collect() };
+    let folded = |tree: &Tree| fold(tree, 1, |item| Reference::instance(placed[item[0] as usize]));
+    folded(&Tree::build(&boxes, items(), 1))
+        .or_else(|| folded(&Tree::by_median(&boxes, items(), 1)))
+        .expect("median splits of 2^31 boxes are 31 levels deep, fewer than the stack allows")
+}
+
+/// How large a coordinate or a distance of the scene may be, per axis, with the ray's origin in it or about it.
+fn reach_of(scene: Bounds) -> DVec3 {
+    let (lo, hi) = (scene.lo.as_dvec3(), scene.hi.as_dvec3());
+    if scene.is_empty() { DVec3::ZERO } else { lo.abs().max(hi.abs()) * 2.0 + (hi - lo) }
+}
+
+/// World box of an instance, grown so that no ray that hits its mesh in object space misses it: taking a ray there and
+/// testing it costs at most 16 roundings of terms no larger than |object_from_world| · reach.
+fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds {
+    let world = DAffine3::from_cols_array(&placement.world_from_object.to_cols_array().map(f64::from));
+    let object = DAffine3::from_cols_array(&placement.object_from_world.to_cols_array().map(f64::from));
+    let (lo, hi) = (mesh.lo.as_dvec3(), mesh.hi.as_dvec3());
+    let unit_roundoff = 0.5 * f64::from(f32::EPSILON);
+    let rounding = 16.0 * unit_roundoff * (object.matrix3.abs() * reach + object.translation.abs());
+    let half = world.matrix3.abs() * (0.5 * (hi - lo) + rounding);
+    let center = world.transform_point3(0.5 * lo + 0.5 * hi);
+    Bounds { lo: (center - half).as_vec3(), hi: (center + half).as_vec3() }.grown(glam::Vec3::ZERO)
+}
+
+/// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold them. Inverses
+/// between two poses may be larger than theirs, but not 64 times (`scene::motion::Track::problem`).
+fn moving_bounds(steps: &[Placement], mesh: Bounds, reach: DVec3) -> Bounds {
+    let boxes = steps.iter().map(|step| instance_bounds(step, mesh, reach * 64.0));
+    boxes.fold(Bounds::EMPTY, Bounds::union)
+}
