@@ -26,8 +26,11 @@ use pathspace::backend::BackendKind;
 use pathspace::plan::Gate;
 use pathspace::render::{FilterKind, Lens, RenderOptions, Renderer, Roulette, SamplerKind, Strategy};
 use pathspace::scene::builder::SceneBuilder;
+use pathspace::scene::geometry::BAKE_MESH_TRIANGLES;
+use pathspace::scene::motion::{Shutter, Track};
 use pathspace::scene::{
-    AlphaMode, ColorSpace, Environment, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId, TextureSlot, Wrap,
+    AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId,
+    TextureSlot, Wrap,
 };
 
 /// Frame of a child. Four samples are always passes of 1, 1 and 2, whatever the clock says.
@@ -59,6 +62,8 @@ const fn row(effect: &'static str, without: &'static str, with: &'static str, ga
 const ROWS: &[Row] = &[
     row("things that do nothing", "base", "idle", None),
     row("lens", "base", "lens", Some(Gate::Lens)),
+    row("shutter: a ball that moves", "base", "shutter", Some(Gate::Shutter)),
+    row("shutter: two heaps that move", "instances", "moving", None),
     row("base-colour texture", "base", "base-colour-texture", Some(Gate::Textures)),
     row("metallic-roughness texture", "metal-paper", "metallic-roughness-texture", Some(Gate::Textures)),
     row("normal map (with tangents)", "base", "normal-map", None),
@@ -167,7 +172,7 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
         "lens" => options.lens = Some(Lens { radius_m: 0.02, focus_m: 2.4 }),
         "environment" => drop(b.environment(Environment::constant(Vec3::splat(0.5)))),
         "point-light" => drop(b.point_light(Vec3::new(-0.5, 0.5, 0.5), Vec3::ONE)),
-        "copies" | "instances" => {
+        "copies" | "instances" | "moving" => {
             let bumps = [heap(&mut b), heap(&mut b)];
             b.place(bumps[0], Affine3A::from_translation(Vec3::new(-0.5, -0.6, 0.2)));
             let second = bumps[usize::from(name == "copies")];
@@ -188,7 +193,22 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     }
     let mut scene = b.build();
     scene.textures.push(noise());
+    match name {
+        "shutter" => move_along(&mut scene, |mesh| mesh.name.starts_with("sphere")),
+        "moving" => move_along(&mut scene, |mesh| mesh.triangles.len() > BAKE_MESH_TRIANGLES),
+        _ => {}
+    }
     (scene, options)
+}
+
+/// All instances of such meshes go a little to the right while the shutter is open.
+fn move_along(scene: &mut Scene, such: impl Fn(&Mesh) -> bool) {
+    let end = Affine3A::from_translation(Vec3::new(0.1, 0.0, 0.0));
+    let such = scene.instances.iter().enumerate().filter(|(_, i)| such(&scene.meshes[i.mesh.index()]));
+    let track =
+        |(index, i): (usize, &Instance)| Track { index, steps: vec![i.world_from_object, end * i.world_from_object] };
+    scene.motion.instances = such.map(track).collect();
+    scene.motion.shutter = Some(Shutter::new(0.0, 1.0).expect("a second"));
 }
 
 const RED: Vec3 = Vec3::new(0.7, 0.3, 0.2);

@@ -93,6 +93,24 @@ impl CameraRays {
         })
     }
 
+    /// This camera on its way to `other`, which differs in its placement alone: what rays are made of goes along straight lines, as the
+    /// elements of the placement do. The matrices of the picture stay this one's.
+    #[inline(always)]
+    pub fn towards(&self, other: &CameraRays, fraction: f32) -> CameraRays {
+        let mix = |a: Vec3, b: Vec3| a + (b - a) * fraction;
+        CameraRays {
+            eye: mix(self.eye, other.eye),
+            eye_dx: mix(self.eye_dx, other.eye_dx),
+            eye_dy: mix(self.eye_dy, other.eye_dy),
+            forward: mix(self.forward, other.forward),
+            forward_dx: mix(self.forward_dx, other.forward_dx),
+            forward_dy: mix(self.forward_dy, other.forward_dy),
+            lens_x: mix(self.lens_x, other.lens_x),
+            lens_y: mix(self.lens_y, other.lens_y),
+            ..*self
+        }
+    }
+
     /// Where camera rays begin, metres along them: closer than this an f32 origin cannot tell one side of a surface from the
     /// other. A camera that stands exactly on a surface does not see that surface.
     #[inline(always)]

@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 use libfuzzer_sys::fuzz_target;
 use pathspace::scene::geometry::Geometry;
 use pathspace::shading::light::Lights;
+use pathspace::scene::{LoadOptions, Shutter};
 use pathspace::{Error, Scene};
 
 /// Triangles of a scene that is worth making ready: the rest of the time is better spent on other bytes.
@@ -19,7 +20,9 @@ const MOST_TRIANGLES: u64 = 10_000;
 fuzz_target!(|bytes: &[u8]| {
     let file = file();
     overwrite(file, bytes).expect("the folder of temporary files can be written");
-    match Scene::load(file) {
+    // With a shutter, so that animations are read.
+    let shutter = Some(Shutter::new(0.25, 0.75).expect("a shutter"));
+    match Scene::load_with(file, &LoadOptions { shutter, ..LoadOptions::default() }) {
         Ok(scene) => {
             scene.validate().expect("a scene that loads keeps its promises");
             if scene.triangle_count() <= MOST_TRIANGLES {

@@ -37,7 +37,7 @@ pub struct RayBlock {
     pub dir_y: [f32; LANES],
     /// Unit direction.
     pub dir_z: [f32; LANES],
-    /// Shutter time in [0, 1]; read only by scenes that move.
+    /// Shutter time in [0, 1]; 0 in scenes at rest, read only by those that move.
     pub time: [f32; LANES],
     /// End of the segment; the hit distance after `closest_hit`, [`BLOCKED`] after a positive `any_hit`.
     pub tfar: [f32; LANES],
@@ -166,6 +166,7 @@ impl RayHitBlock {
             prim: self.hit.prim[lane],
             geom: self.hit.geom[lane],
             inst: self.hit.inst[lane],
+            time: self.ray.time[lane],
         }
     }
 }
@@ -185,6 +186,8 @@ pub struct Hit {
     pub geom: u32,
     /// Instance or [`INVALID_ID`].
     pub inst: u32,
+    /// Shutter time of the ray, in [0, 1]: where instances that move were then.
+    pub time: f32,
 }
 
 /// Which of the first `lanes` lanes hold a ray that may be traced, as a bit mask: every component finite and within

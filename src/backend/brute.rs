@@ -10,6 +10,7 @@ use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lane
 use super::triangle::{Closest, Rank, Ray, RayShear, TriangleHit};
 use super::{Backend, BackendInfo, BackendKind, Coherence, QueryMode};
 use crate::scene::geometry::{Geometry, Placement};
+use crate::scene::placement::Moving;
 
 /// One triangle of a mesh.
 struct Face {
@@ -22,6 +23,7 @@ pub struct Brute {
     info: BackendInfo,
     meshes: Vec<Vec<Face>>,
     instances: Vec<Placement>,
+    moving: Moving,
 }
 
 impl Brute {
@@ -44,11 +46,11 @@ impl Brute {
             bvh_bytes: triangles * size_of::<Face>() as u64,
             triangles,
         };
-        Brute { info, meshes, instances: geometry.instances.clone() }
+        Brute { info, meshes, instances: geometry.instances.clone(), moving: geometry.moving.clone() }
     }
 
-    /// Calls `found` with every triangle that the segment meets until it returns false.
-    fn each_hit(&self, ray: Ray, mut found: impl FnMut(TriangleHit, Rank) -> bool) {
+    /// Calls `found` with every triangle that the segment meets at `time` until it returns false.
+    fn each_hit(&self, ray: Ray, time: f32, mut found: impl FnMut(TriangleHit, Rank) -> bool) {
         let mut visit = |ray: Ray, mesh: u32, inst: u32| {
             let shear = RayShear::new(&ray);
             let faces = self.meshes.get(mesh as usize).map_or(&[][..], |m| m);
@@ -61,7 +63,8 @@ impl Brute {
             return;
         }
         for (inst, placement) in (0u32..).zip(&self.instances) {
-            if let Some(object_ray) = ray.to_object(placement)
+            let moved = self.moving.at(inst, time);
+            if let Some(object_ray) = ray.to_object(moved.as_ref().unwrap_or(placement))
                 && !visit(object_ray, placement.mesh, inst)
             {
                 return;
@@ -84,7 +87,7 @@ impl Backend for Brute {
             for lane in (0..lanes).filter(|lane| valid >> lane & 1 == 1) {
                 let ray = Ray::of_lane(&block.ray, lane);
                 let mut closest = Closest::none(ray.tfar);
-                self.each_hit(ray, |hit, rank| {
+                self.each_hit(ray, block.ray.time[lane], |hit, rank| {
                     closest.offer(hit, rank);
                     true
                 });
@@ -101,7 +104,7 @@ impl Backend for Brute {
             invalid += u64::from(lanes as u32 - valid.count_ones());
             for lane in (0..lanes).filter(|lane| valid >> lane & 1 == 1) {
                 let mut blocked = false;
-                self.each_hit(Ray::of_lane(block, lane), |_, _| {
+                self.each_hit(Ray::of_lane(block, lane), block.time[lane], |_, _| {
                     blocked = true;
                     false
                 });

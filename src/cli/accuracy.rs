@@ -38,7 +38,12 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
     let outputs = args.output.as_deref().map(Outputs::prepare).transpose()?;
     let given = args.reference.as_deref().map(|path| read_exr(path).map(|picture| (path, picture))).transpose()?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment), args.settings.textures)?;
+    let scene = &job::load(
+        &args.scene,
+        EnvironmentRequest::of(&args.settings.environment),
+        args.settings.textures,
+        args.settings.shutter,
+    )?;
     verbosity.warnings(&scene.warnings);
     let load_s = started.elapsed().as_secs_f64();
     let full = job::settings(&args.settings, scene);

@@ -12,6 +12,7 @@ use crate::film::aov::Aov;
 use crate::film::filter::FilterKind;
 use crate::plan::options::ROULETTE_START;
 use crate::render::Crop;
+use crate::scene::Shutter;
 use crate::texture::load as loading;
 
 /// Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
@@ -154,6 +155,12 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "M", requires = "aperture_radius", value_parser = units::length_m, help_heading = "Camera")]
     pub focus_distance: Option<f32>,
 
+    /// When the shutter is open, seconds of the animations' time; all animations of the file run. What moves meanwhile is blurred; OPEN =
+    /// CLOSE shows the scene as it is at that time. Motion goes along straight lines between up to 33 poses [default: no shutter; the
+    /// scene is shown as its nodes say, without animation]
+    #[arg(long, value_name = "OPEN,CLOSE", value_parser = units::shutter, help_heading = "Camera")]
+    pub shutter: Option<Shutter>,
+
     /// The environment.
     #[command(flatten)]
     pub environment: EnvironmentArgs,
@@ -257,6 +264,11 @@ pub struct InfoArgs {
     /// Textures.
     #[command(flatten)]
     pub textures: TextureArgs,
+    /// When the shutter is open, seconds of the animations' time; all animations of the file run. What moves meanwhile is blurred; OPEN =
+    /// CLOSE shows the scene as it is at that time. Motion goes along straight lines between up to 33 poses [default: no shutter; the
+    /// scene is shown as its nodes say, without animation]
+    #[arg(long, value_name = "OPEN,CLOSE", value_parser = units::shutter)]
+    pub shutter: Option<Shutter>,
     /// Extra channels as `render` takes them, to see what they add to the plan
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser())]
     pub aov: Vec<Aov>,

@@ -29,7 +29,12 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     }
     job::check(&args.settings)?;
     let verbosity = Verbosity::of(args.quiet, false);
-    let scene = job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment), args.settings.textures)?;
+    let scene = job::load(
+        &args.scene,
+        EnvironmentRequest::of(&args.settings.environment),
+        args.settings.textures,
+        args.settings.shutter,
+    )?;
     verbosity.warnings(&scene.warnings);
 
     let render = RenderOptions { spp: Some(args.spp), ..job::settings(&args.settings, &scene) };

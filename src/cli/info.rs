@@ -101,9 +101,17 @@ struct SceneRecord {
     #[serde(flatten)]
     counts: SceneStats,
     cameras: Vec<CameraRecord>,
+    animations: Vec<AnimationRecord>,
     resolution: [u32; 2],
     degenerate_triangles: usize,
     points_and_lines: usize,
+}
+
+#[derive(Serialize)]
+struct AnimationRecord {
+    name: String,
+    start_s: Option<f64>,
+    end_s: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -115,7 +123,7 @@ struct CameraRecord {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<u8> {
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment), args.textures)?;
+    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment), args.textures, args.shutter)?;
     let (width, height) = job::picture_size(None, None, scene, scene.cameras.first());
     let aovs = args.aov.clone();
     let options = RenderOptions { threads: job::default_threads(), aovs, ..RenderOptions::new(width, height) };
@@ -145,6 +153,13 @@ fn scene_record(scene: &Scene, resolution: [u32; 2]) -> SceneRecord {
     SceneRecord {
         counts: SceneStats::of(scene),
         cameras: cameras.collect(),
+        animations: (scene.motion.animations.iter())
+            .map(|animation| AnimationRecord {
+                name: animation.name.clone(),
+                start_s: animation.seconds.map(|(start, _)| start),
+                end_s: animation.seconds.map(|(_, end)| end),
+            })
+            .collect(),
         resolution,
         degenerate_triangles: scene.dropped.degenerate_triangles,
         points_and_lines: scene.dropped.points_and_lines,
@@ -169,6 +184,13 @@ fn text(record: &InfoRecord, backend: &BackendInfo) -> String {
         format!("cameras     {}", cameras.join(", ")),
         format!("picture     {width}x{height} pixels unless told otherwise"),
     ];
+    if !scene.animations.is_empty() {
+        let span = |a: &AnimationRecord| match a.start_s.zip(a.end_s) {
+            Some((start, end)) => format!("{} ({start} s to {end} s)", a.name),
+            None => a.name.clone(),
+        };
+        lines.push(format!("animations  {}", scene.animations.iter().map(span).collect::<Vec<_>>().join(", ")));
+    }
     let dropped = [(scene.degenerate_triangles, "degenerate triangles"), (scene.points_and_lines, "points and lines")];
     for (n, what) in dropped.into_iter().filter(|(n, _)| *n > 0) {
         lines.push(format!("left out    {n} {what}"));

@@ -20,7 +20,7 @@ use crate::plan::Gate;
 use crate::plan::options::ROULETTE_START;
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter};
 use crate::sampler::SamplerKind;
-use crate::scene::{Budget, Camera, Environment, LoadOptions, MissingTexture, Projection, Scene, Warning};
+use crate::scene::{Budget, Camera, Environment, LoadOptions, MissingTexture, Projection, Scene, Shutter, Warning};
 
 /// Columns of a picture for which neither the command line nor the scene names a size.
 const DEFAULT_WIDTH: u32 = 1280;
@@ -197,9 +197,14 @@ impl<'a> EnvironmentRequest<'a> {
     }
 }
 
-/// Loads a scene and its environment. A scene without any light gets a constant white one, and a warning.
-pub fn load(path: &Path, environment: Option<EnvironmentRequest>, textures: TextureArgs) -> Result<Scene> {
-    let mut scene = Scene::load_with(path, &load_options(textures))?;
+/// Loads a scene, posed by the shutter if there is one, and its environment. A scene without any light gets a constant white one, and a warning.
+pub fn load(
+    path: &Path,
+    environment: Option<EnvironmentRequest>,
+    textures: TextureArgs,
+    shutter: Option<Shutter>,
+) -> Result<Scene> {
+    let mut scene = Scene::load_with(path, &load_options(textures, shutter))?;
     if let Some(request) = environment {
         scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)?;
     } else if !has_light(&scene) {
@@ -212,8 +217,9 @@ pub fn load(path: &Path, environment: Option<EnvironmentRequest>, textures: Text
     Ok(scene)
 }
 
-fn load_options(args: TextureArgs) -> LoadOptions {
+fn load_options(args: TextureArgs, shutter: Option<Shutter>) -> LoadOptions {
     LoadOptions {
+        shutter,
         texture_budget: Budget { bytes: args.texture_memory << 20, ..Budget::default() },
         missing_texture: match args.missing_texture {
             MissingTextureName::Error => MissingTexture::Error,

@@ -41,7 +41,12 @@ fn render(args: &RenderArgs) -> Result<u8> {
     job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
 
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment), args.settings.textures)?;
+    let scene = &job::load(
+        &args.scene,
+        EnvironmentRequest::of(&args.settings.environment),
+        args.settings.textures,
+        args.settings.shutter,
+    )?;
     verbosity.warnings(&scene.warnings);
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 

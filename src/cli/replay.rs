@@ -21,7 +21,12 @@ use crate::wavefront::vertex::{Emission, LightSample, Met, Number, Roulette, Sca
 /// As a render's; and for a pixel outside the picture.
 pub fn run(args: &RenderArgs, pixel: (u32, u32)) -> Result<u8> {
     job::check(&args.settings)?;
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.settings.environment), args.settings.textures)?;
+    let scene = &job::load(
+        &args.scene,
+        EnvironmentRequest::of(&args.settings.environment),
+        args.settings.textures,
+        args.settings.shutter,
+    )?;
     Verbosity::of(args.quiet, args.verbose).warnings(&scene.warnings);
     let renderer = Renderer::new(scene, job::options(args, scene))?;
     if let Some(sample) = args.sample {
@@ -147,6 +152,9 @@ fn story(replay: &Replay) -> String {
          positions in m, densities in 1/sr, radiance in W/(sr·m²)\n",
         replay.sample, replay.filter_weight.0
     );
+    if let Some(time) = replay.time {
+        let _ = writeln!(text, "time {:?} of the shutter (0 open, 1 closed)", time.0);
+    }
     replay.vertices.iter().for_each(|vertex| tell(&mut text, vertex));
     let (radiance, [r, g, b, a]) = (list(&replay.radiance), replay.film);
     let _ = writeln!(text, "\nradiance {radiance}; coverage {:?}", replay.coverage.0);

@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use crate::render::Crop;
+use crate::scene::Shutter;
 
 /// `90s`, `10m`, `1.5h`, `250ms`, `1h30m`, or plain seconds; above 0.
 pub fn duration(text: &str) -> Result<Duration, String> {
@@ -66,6 +67,16 @@ pub fn pixel(text: &str) -> Result<(u32, u32), String> {
     parse().ok_or_else(|| format!("'{text}' is not a pixel; write X,Y counted from 0 at the top left, as in 31,40"))
 }
 
+/// `OPEN,CLOSE`: two times in seconds.
+pub fn shutter(text: &str) -> Result<Shutter, String> {
+    let parse = || {
+        let (open, close) = text.split_once(',')?;
+        Shutter::new(open.trim().parse().ok()?, close.trim().parse().ok()?).ok()
+    };
+    let accepted = "write OPEN,CLOSE in seconds, finite, 0 ≤ OPEN ≤ CLOSE, as in 0.5,0.52";
+    parse().ok_or_else(|| format!("'{text}' is not a shutter; {accepted}"))
+}
+
 /// A finite number.
 pub fn finite(text: &str) -> Result<f32, String> {
     text.parse::<f32>().ok().filter(|v| v.is_finite()).ok_or_else(|| format!("'{text}' is not a finite number"))
@@ -109,6 +120,10 @@ mod tests {
         assert_eq!(crop("320x200+64+32"), Ok(Crop { x: 64, y: 32, width: 320, height: 200 }));
         for wrong in ["", "320x200", "320x200+1", "0x5+0+0", "320x200-1+2", "1x1+0+0+0", "99999999999x1+0+0"] {
             assert!(crop(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(shutter("0.5, 1"), Ok(Shutter::new(0.5, 1.0).expect("a shutter")));
+        for wrong in ["", "1", "1,", "2,1", "-1,1", "nan,1", "0,inf", "0,1,2", "0s,1s"] {
+            assert!(shutter(wrong).is_err(), "{wrong}");
         }
         assert!(finite("inf").is_err() && not_negative("-0.1").is_err() && length_m("0").is_err());
         assert_eq!(length_m("0.05"), Ok(0.05));

@@ -50,6 +50,13 @@ pub(super) fn ledger(scene: &Scene, options: &RenderOptions, footprints: bool) -
     if footprints {
         ledger.push(Bias::unmeasured("texture-filter trilinear: textures are averaged over the width of paths"));
     }
+    if let Some(off) = &scene.motion.off {
+        let what = format!(
+            "shutter: motion is taken as straight in parts; '{}' is off by up to {:.1e} m",
+            off.name, off.distance_m
+        );
+        ledger.push(Bias::unmeasured(what));
+    }
     for material in placed(scene).filter(|material| !material.unlit && material.transmission > 0.0) {
         if !(1.0..=LARGEST_INDEX).contains(&material.ior) {
             let what = format!("index of refraction {} of '{}' taken as {LARGEST_INDEX}", material.ior, material.name);

@@ -32,6 +32,8 @@ pub struct Effects {
 pub struct Features {
     /// A finite aperture.
     pub lens: bool,
+    /// Something moves while the shutter is open: paths have times.
+    pub shutter: bool,
     /// Vertex normals on some placed mesh.
     pub smooth_normals: bool,
     /// Any texture at all; the four below say which.
@@ -110,11 +112,13 @@ pub enum Gate {
     Alpha,
     /// Colours at vertices, here of materials that read none.
     VertexColors,
+    /// Times of paths, here of scenes at rest.
+    Shutter,
 }
 
 impl Gate {
     /// Every gate: what `--no-plan` opens.
-    pub const ALL: [Gate; 11] = [
+    pub const ALL: [Gate; 12] = [
         Gate::Lens,
         Gate::SmoothNormals,
         Gate::Textures,
@@ -126,6 +130,7 @@ impl Gate {
         Gate::PerLength,
         Gate::Alpha,
         Gate::VertexColors,
+        Gate::Shutter,
     ];
 
     /// Name in reports.
@@ -142,6 +147,7 @@ impl Gate {
             Gate::PerLength => "per-length-images",
             Gate::Alpha => "alpha",
             Gate::VertexColors => "vertex-colours",
+            Gate::Shutter => "shutter",
         }
     }
 }
@@ -163,6 +169,7 @@ impl Features {
                 Gate::PerLength => self.per_length = true,
                 Gate::Alpha => self.alpha = true,
                 Gate::VertexColors => self.vertex_colors = true,
+                Gate::Shutter => self.shutter = true,
             }
         }
     }
@@ -192,9 +199,19 @@ pub fn find(scene: &Scene, options: &RenderOptions, camera: usize, instanced: bo
     if let Some(lens) = options.lens {
         found.mark(&mut f.lens, 0, "lens", || format!("aperture radius {} m", lens.radius_m));
     }
-    for instance in &scene.instances {
+    mark_shutter(f, &mut found, &mut ignored, scene, camera);
+    let mut lamps_at_rest = false;
+    for (index, instance) in scene.instances.iter().enumerate() {
         let mesh = &scene.meshes[instance.mesh.index()];
         let material = &scene.materials[mesh.material.index()];
+        if material.is_emissive() && !material.unlit {
+            if scene.motion.of_instance(index).is_none() {
+                lamps_at_rest = true;
+            } else {
+                let why = "it moves; BSDF sampling alone finds it";
+                push_once(&mut ignored, format!("light sampling of mesh '{}'", mesh.name), why);
+            }
+        }
         if mesh.normals.is_some() {
             found.mark(&mut f.smooth_normals, 1, "smooth-normals", || format!("mesh '{}'", mesh.name));
         }
@@ -258,11 +275,37 @@ pub fn find(scene: &Scene, options: &RenderOptions, camera: usize, instanced: bo
     if f.textures && options.texture_filter == TextureFilter::Trilinear {
         found.mark(&mut f.footprints, 6, "texture-filter", || options.texture_filter.name().into());
     }
-    f.light_sampling = options.strategy != Strategy::BsdfOnly && (f.area_lights || f.environment || f.punctual);
+    f.light_sampling = options.strategy != Strategy::BsdfOnly && (lamps_at_rest || f.environment || f.punctual);
     let simulated = found.reasons.values().map(|(name, _)| name.to_string()).collect();
     let mut found: Vec<String> = found.reasons.values().map(|(name, why)| format!("{name} ({why})")).collect();
     found.extend(ignored.iter().map(|i: &Ignored| i.what.clone()));
     (features, Effects { found, simulated, ignored })
+}
+
+/// What becomes of the shutter, for the camera of that number.
+fn mark_shutter(f: &mut Features, found: &mut Found, ignored: &mut Vec<Ignored>, scene: &Scene, camera: usize) {
+    let motion = &scene.motion;
+    let Some(shutter) = motion.shutter else { return };
+    let span = format!("{} s to {} s", shutter.open_s(), shutter.close_s());
+    let looks = motion.of_camera(camera).is_some();
+    if looks || !motion.instances.is_empty() {
+        let meshes = motion.instances.iter().map(|track| &scene.meshes[scene.instances[track.index].mesh.index()]);
+        found.mark(&mut f.shutter, 33, "shutter", || {
+            let first = meshes.clone().next().map_or(String::new(), |mesh| format!(", mesh '{}'", mesh.name));
+            let camera = if looks { ", the camera" } else { "" };
+            format!("{span}; {} placements move{first}{camera}", motion.instances.len())
+        });
+    } else {
+        let why = match (motion.animations.is_empty(), shutter.is_instant()) {
+            (true, _) => "the scene has no animations",
+            (false, true) => "of zero length: the scene is posed at that time and stands still",
+            (false, false) => "nothing that is seen moves meanwhile",
+        };
+        push_once(ignored, format!("shutter ({span})"), why);
+    }
+    for unmoved in &motion.unmoved {
+        push_once(ignored, unmoved.what.clone(), &unmoved.why);
+    }
 }
 
 fn push_once(ignored: &mut Vec<Ignored>, what: String, why: &str) {

@@ -112,7 +112,8 @@ impl RenderPlan {
     /// Resolves `options` against `scene` and its flattened geometry.
     ///
     /// # Errors
-    /// [`Error::Option`] for anything out of range, naming the option and what is accepted.
+    /// [`Error::Option`] for anything out of range, naming the option and what is accepted; [`Error::InvalidScene`] for a motion that
+    /// cannot be traced.
     pub fn new(scene: &Scene, geometry: &Geometry, options: &RenderOptions) -> Result<Self> {
         let resolution = (options.width, options.height);
         for (option, side) in [("--width", options.width), ("--height", options.height)] {
@@ -142,6 +143,7 @@ impl RenderPlan {
         {
             return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
         }
+        scene.validate_motion()?;
         let camera = resolve_camera(scene, &options.camera)?;
         let backend = resolve_backend(geometry, options)?;
 
@@ -291,9 +293,10 @@ fn resolve_threads(asked: usize) -> usize {
 
 /// Names of the stages in the order in which a wave runs them; a stage that nothing calls for is absent.
 fn stages(f: &Features, options: &RenderOptions) -> Vec<&'static str> {
-    let all: [(&'static str, bool); 21] = [
+    let all: [(&'static str, bool); 22] = [
         ("raygen", !f.lens),
         ("raygen-lens", f.lens),
+        ("shutter", f.shutter),
         ("closest-hit", true),
         ("alpha", f.alpha),
         ("environment", f.environment),

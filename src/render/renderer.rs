@@ -14,8 +14,8 @@ use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
 use crate::plan::RenderPlan;
 use crate::plan::options::RenderOptions;
-use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
+use crate::scene::{Camera, Scene};
 use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
 use crate::shading::light::select::Selection;
@@ -33,6 +33,8 @@ pub struct Renderer<'a> {
     lights: Lights,
     backend: Box<dyn Backend>,
     camera: CameraRays,
+    /// The camera at equal intervals of the shutter; empty where it is at rest.
+    camera_steps: Vec<CameraRays>,
     filter: FilterTable,
     kinds: Vec<Kind>,
     only_kind: Option<Kind>,
@@ -64,6 +66,7 @@ impl<'a> Renderer<'a> {
             .map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
         let backend = backend::build(plan.backend, &geometry, &plan.backend_options())?;
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        let camera_steps = camera_steps(scene, &plan)?;
         let kind = |m| if plan.features.all_general { Kind::General } else { queue::kind_of(m) };
         let kinds: Vec<Kind> = scene.materials.iter().map(kind).collect();
         Ok(Renderer {
@@ -71,6 +74,7 @@ impl<'a> Renderer<'a> {
             lights,
             backend,
             camera,
+            camera_steps,
             filter: FilterTable::new(plan.filter),
             only_kind: queue::only_kind(scene, &kinds),
             kinds,
@@ -98,6 +102,7 @@ impl<'a> Renderer<'a> {
             self.scene.textures.par_iter().for_each(|texture| texture.make_levels());
         }
         self.camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        self.camera_steps = camera_steps(self.scene, &plan)?;
         self.filter = FilterTable::new(plan.filter);
         self.plan = plan;
         Ok(())
@@ -147,6 +152,7 @@ impl<'a> Renderer<'a> {
             lights: &self.lights,
             backend: self.backend.as_ref(),
             camera: &self.camera,
+            camera_steps: &self.camera_steps,
             filter: &self.filter,
             kinds: &self.kinds,
             only_kind: self.only_kind,
@@ -174,4 +180,14 @@ impl<'a> Renderer<'a> {
         }
         Ok(wavefront::replay::run(&self.context(), pixel, sample))
     }
+}
+
+/// The camera of the plan along its way while the shutter is open; nothing where it is at rest.
+fn camera_steps(scene: &Scene, plan: &RenderPlan) -> Result<Vec<CameraRays>> {
+    let steps = scene.motion.of_camera(plan.camera).map_or(&[][..], |track| &track.steps);
+    let camera = &scene.cameras[plan.camera];
+    let posed = |&world_from_camera: &_| {
+        CameraRays::new(&Camera { world_from_camera, ..camera.clone() }, plan.resolution, plan.lens)
+    };
+    steps.iter().map(posed).collect()
 }

@@ -6,6 +6,7 @@ use glam::{Affine3A, Vec3};
 use super::camera::{Camera, Projection};
 use super::ids::{MaterialId, MeshId};
 use super::light::{Environment, PunctualKind, PunctualLight};
+use super::motion::{Shutter, Track};
 use super::{Instance, Material, Mesh, Scene};
 
 /// Collects a scene piece by piece.
@@ -76,6 +77,16 @@ impl SceneBuilder {
     pub fn place(&mut self, mesh: MeshId, world_from_object: Affine3A) -> &mut Self {
         self.scene.instances.push(Instance { mesh, world_from_object });
         self
+    }
+
+    /// Places a mesh that moves: `steps` are its places at equal intervals of the shutter, at least two. A scene with such meshes has the
+    /// shutter open for a second unless it is given another.
+    pub fn place_moving(&mut self, mesh: MeshId, steps: Vec<Affine3A>) -> &mut Self {
+        let world_from_object = *steps.first().expect("a moving mesh has a first place");
+        let motion = &mut self.scene.motion;
+        motion.shutter.get_or_insert_with(|| Shutter::new(0.0, 1.0).expect("a second"));
+        motion.instances.push(Track { index: self.scene.instances.len(), steps });
+        self.place(mesh, world_from_object)
     }
 
     /// Adds and places triangles.

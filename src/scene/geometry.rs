@@ -1,13 +1,15 @@
 //! Geometry flattened for tracing and shading: what the backends are built from and what a hit is looked up in.
 //!
-//! Meshes that are placed once, and small repeated ones, are baked into one world mesh in f64 (index 0); the rest stay
-//! instanced at one level. Each triangle has one 64-byte record (a cache line) with everything flat shading needs;
+//! Meshes that are placed once, and small repeated ones, are baked into one world mesh in f64 (index 0); the rest, and what
+//! moves, stays instanced at one level. Each triangle has one 64-byte record (a cache line) with everything flat shading needs;
 //! vertex attributes are looked up only where the plan shades with them.
 
 use std::collections::HashSet;
 
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3, Vec4};
 
+use super::placement::Moving;
+pub use super::placement::Placement;
 use super::{Instance, Material, Mesh, Scene};
 use crate::math::float;
 
@@ -100,26 +102,15 @@ impl TriangleMesh {
     }
 }
 
-/// A mesh placed with a transform of its own.
-#[derive(Clone, Copy, Debug)]
-pub struct Placement {
-    /// Index into [`Geometry::meshes`].
-    pub mesh: u32,
-    /// Object to world.
-    pub world_from_object: Affine3A,
-    /// Its inverse, computed in f64.
-    pub object_from_world: Affine3A,
-    /// Inverse transpose of the linear part: takes normals to the world (to be normalised).
-    pub world_from_normal: Mat3A,
-}
-
 /// The flattened geometry.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Mesh 0 is the baked world mesh (possibly empty); the others are reached through `instances`.
     pub meshes: Vec<TriangleMesh>,
-    /// Instanced placements.
+    /// Instanced placements, those that move last.
     pub instances: Vec<Placement>,
+    /// Where the last of them are over the shutter; empty in a scene at rest.
+    pub moving: Moving,
     /// One record per triangle of every mesh.
     pub triangles: Vec<Triangle>,
     /// Unit normals at the corners of the triangles that have attributes. Triangles with tangents come first, then those
@@ -183,7 +174,15 @@ impl Geometry {
     /// Flattens `scene`: bakes what is baked, keeps the rest instanced, computes one record per triangle.
     pub fn build(scene: &Scene) -> Self {
         let mut geometry = Geometry { bounds: (Vec3::INFINITY, Vec3::NEG_INFINITY), ..Default::default() };
-        let baked = baked_meshes(scene);
+        let baked_meshes = baked_meshes(scene);
+        // What moves cannot be baked, whatever becomes of other placements of its mesh.
+        let baked: Vec<bool> = (scene.instances.iter().enumerate())
+            .map(|(i, instance)| baked_meshes[instance.mesh.index()] && scene.motion.of_instance(i).is_none())
+            .collect();
+        let mut is_instanced = vec![false; scene.meshes.len()];
+        for (instance, _) in scene.instances.iter().zip(&baked).filter(|(_, baked)| !**baked) {
+            is_instanced[instance.mesh.index()] = true;
+        }
 
         // Richest attributes first keeps `uvs` and `tangents` prefixes of `normals`, over all meshes together. The world
         // mesh must stay one range of triangles, so its members come first within each richness; record indices are per
@@ -197,17 +196,16 @@ impl Geometry {
         for richness in
             [Attributes::Extras, Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None]
         {
-            for instance in &scene.instances {
+            for (instance, &baked) in scene.instances.iter().zip(&baked) {
                 let mesh = &scene.meshes[instance.mesh.index()];
                 let material = &scene.materials[mesh.material.index()];
-                if baked[instance.mesh.index()] && Attributes::laid_out(mesh, material) == richness {
+                if baked && Attributes::laid_out(mesh, material) == richness {
                     geometry.bake(&mut world, mesh, richness, &instance.world_from_object);
                 }
             }
             for (id, mesh) in scene.meshes.iter().enumerate() {
                 let material = &scene.materials[mesh.material.index()];
-                let placed = scene.instances.iter().any(|i| i.mesh.index() == id);
-                if !baked[id] && placed && Attributes::laid_out(mesh, material) == richness {
+                if is_instanced[id] && Attributes::laid_out(mesh, material) == richness {
                     let mut records = MeshRecords::default();
                     geometry.bake(&mut records, mesh, richness, &Affine3A::IDENTITY);
                     instanced.push((id as u32, records));
@@ -222,8 +220,11 @@ impl Geometry {
             mesh_of[id as usize] = geometry.meshes.len() as u32;
             geometry.append(records);
         }
-        for instance in scene.instances.iter().filter(|i| !baked[i.mesh.index()]) {
-            geometry.place(mesh_of[instance.mesh.index()], instance);
+        let instances = scene.instances.iter().enumerate().zip(&baked).filter(|(_, baked)| !**baked);
+        let (moving, still): (Vec<_>, Vec<_>) =
+            instances.map(|((i, instance), _)| (instance, scene.motion.of_instance(i))).partition(|(_, t)| t.is_some());
+        for (instance, track) in still.into_iter().chain(moving) {
+            geometry.place(mesh_of[instance.mesh.index()], instance, track.map_or(&[], |track| &track.steps));
         }
         let world_vertices = &geometry.meshes[0].vertices;
         for index in geometry.meshes[0].indices.iter().flatten() {
@@ -231,6 +232,13 @@ impl Geometry {
             geometry.bounds = (geometry.bounds.0.min(p), geometry.bounds.1.max(p));
         }
         geometry
+    }
+
+    /// Object to world of instance `instance` at `time`, a fraction of the shutter.
+    #[inline]
+    pub fn world_from_object(&self, instance: u32, time: f32) -> Affine3A {
+        let moved = self.moving.at(instance, time);
+        moved.map_or_else(|| self.instances[instance as usize].world_from_object, |moved| moved.world_from_object)
     }
 
     /// Record of triangle `prim` of mesh `geom`.
@@ -356,32 +364,22 @@ impl Geometry {
         self.meshes.push(records.mesh);
     }
 
-    fn place(&mut self, mesh: u32, instance: &Instance) {
-        let m = instance.world_from_object;
-        let inverse = DAffine3 {
-            matrix3: DMat3::from_cols(
-                m.matrix3.x_axis.as_dvec3(),
-                m.matrix3.y_axis.as_dvec3(),
-                m.matrix3.z_axis.as_dvec3(),
-            ),
-            translation: m.translation.as_dvec3(),
+    /// Places a mesh; `steps` are its poses over the shutter if it moves, and only others that do may follow.
+    fn place(&mut self, mesh: u32, instance: &Instance, steps: &[Affine3A]) {
+        self.cover(mesh, &instance.world_from_object);
+        if !steps.is_empty() {
+            steps.iter().for_each(|step| self.cover(mesh, step));
+            self.moving.push(self.instances.len() as u32, mesh, steps);
         }
-        .inverse();
-        let column = |v: DVec3| v.as_vec3a();
-        let object_from_world = Affine3A {
-            matrix3: Mat3A::from_cols(
-                column(inverse.matrix3.x_axis),
-                column(inverse.matrix3.y_axis),
-                column(inverse.matrix3.z_axis),
-            ),
-            translation: column(inverse.translation),
-        };
-        let world_from_normal = object_from_world.matrix3.transpose();
+        self.instances.push(Placement::new(mesh, instance.world_from_object));
+    }
+
+    /// Makes the bounds hold a mesh at this place.
+    fn cover(&mut self, mesh: u32, world_from_object: &Affine3A) {
         for index in self.meshes[mesh as usize].indices.iter().flatten() {
-            let p = m.transform_point3(self.meshes[mesh as usize].vertices[*index as usize]);
+            let p = world_from_object.transform_point3(self.meshes[mesh as usize].vertices[*index as usize]);
             self.bounds = (self.bounds.0.min(p), self.bounds.1.max(p));
         }
-        self.instances.push(Placement { mesh, world_from_object: m, object_from_world, world_from_normal });
     }
 }
 
@@ -422,7 +420,7 @@ impl MeshRecords {
 /// How many emissive triangles repeat others: what [`Geometry::dropped_lamps`] will be.
 pub(crate) fn copied_lamps(scene: &Scene) -> usize {
     let (mut geometry, mut lamps) = (Geometry::default(), MeshRecords::default());
-    for instance in &scene.instances {
+    for (_, instance) in scene.instances.iter().enumerate().filter(|(i, _)| scene.motion.of_instance(*i).is_none()) {
         let mesh = &scene.meshes[instance.mesh.index()];
         if scene.materials[mesh.material.index()].is_emissive() {
             geometry.bake(&mut lamps, mesh, Attributes::None, &instance.world_from_object);
@@ -431,12 +429,12 @@ pub(crate) fn copied_lamps(scene: &Scene) -> usize {
     lamps.drop_copied_lamps(&scene.materials)
 }
 
-/// Which meshes are baked: emissive ones (lights need world triangles), those placed once, and small repeated
-/// ones from the smallest up until the budget is spent.
+/// Which meshes are baked where they are at rest: emissive ones (lights need world triangles), those placed once, and small
+/// repeated ones from the smallest up until the budget is spent.
 fn baked_meshes(scene: &Scene) -> Vec<bool> {
     let mut placements = vec![0u64; scene.meshes.len()];
-    for instance in &scene.instances {
-        placements[instance.mesh.index()] += 1;
+    for (i, instance) in scene.instances.iter().enumerate() {
+        placements[instance.mesh.index()] += u64::from(scene.motion.of_instance(i).is_none());
     }
     let mut order: Vec<usize> = (0..scene.meshes.len()).collect();
     order.sort_by_key(|&i| (scene.meshes[i].triangles.len(), i));

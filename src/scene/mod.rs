@@ -15,6 +15,8 @@ pub mod ids;
 pub mod image;
 pub mod light;
 pub mod material;
+pub mod motion;
+pub mod placement;
 pub mod validate;
 
 pub use crate::texture::load::Budget;
@@ -24,6 +26,7 @@ pub use camera::{Camera, Projection};
 pub use ids::{MaterialId, MeshId, TextureId};
 pub use light::{Environment, PunctualKind, PunctualLight};
 pub use material::{Material, TextureSlot};
+pub use motion::{Motion, Shutter};
 
 /// Triangles of one glTF primitive, in object space.
 #[derive(Clone, Debug, Default)]
@@ -54,7 +57,7 @@ pub struct Mesh {
 pub struct Instance {
     /// Which mesh.
     pub mesh: MeshId,
-    /// Object to world, relative to [`Scene::origin`]; invertible and finite. A negative determinant mirrors: the
+    /// Object to world when the shutter opens, relative to [`Scene::origin`]; invertible and finite. A negative determinant mirrors: the
     /// front side of a triangle is then the other winding (glTF 2.0 §3.7.4).
     pub world_from_object: Affine3A,
 }
@@ -94,6 +97,8 @@ pub struct Scene {
     pub punctual: Vec<PunctualLight>,
     /// Cameras of the scene in node order; never empty once loaded (framed automatically, with a warning, if the file has none).
     pub cameras: Vec<Camera>,
+    /// What moves while the shutter is open; nothing in a scene that is shown at rest.
+    pub motion: Motion,
     /// The environment, if one was given.
     pub environment: Option<Environment>,
     /// World position of the coordinates' origin: subtracted from everything in f64 at load when the scene lies far away.
@@ -107,12 +112,14 @@ pub struct Scene {
 }
 
 /// What a load can be told.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Memory of textures, and who decodes them.
     pub texture_budget: Budget,
     /// What an image that cannot be used does.
     pub missing_texture: MissingTexture,
+    /// When the shutter is open, in the time of the file's animations; `None` shows the scene as its nodes say.
+    pub shutter: Option<Shutter>,
 }
 
 /// What becomes of an image that is missing, broken, empty, or not finite.

@@ -11,7 +11,16 @@ use crate::error::{Error, Result};
 impl Scene {
     /// Checks everything that the documentation of [`Scene`]'s fields promises.
     pub fn validate(&self) -> Result<()> {
-        self.check().map_err(|(pointer, problem)| Error::InvalidScene { file: self.file.clone(), pointer, problem })
+        self.check().map_err(|at| self.invalid(at))
+    }
+
+    /// Checks the motion alone. No render does without: a pose that has no inverse would end the process inside Embree.
+    pub(crate) fn validate_motion(&self) -> Result<()> {
+        self.check_motion().map_err(|at| self.invalid(at))
+    }
+
+    fn invalid(&self, (pointer, problem): (String, String)) -> Error {
+        Error::InvalidScene { file: self.file.clone(), pointer, problem }
     }
 
     fn check(&self) -> Result<(), (String, String)> {
@@ -34,6 +43,7 @@ impl Scene {
                 return fail("expected a finite, invertible placement".into());
             }
         }
+        self.check_motion()?;
         for material in &self.materials {
             let slots = material.slots();
             let fail = |problem: String| Err((format!("material \"{}\"", material.name), problem));
@@ -71,6 +81,36 @@ impl Scene {
             Some((camera, problem)) => Err((format!("camera \"{}\"", camera.name), problem)),
             None => Ok(()),
         }
+    }
+}
+
+impl Scene {
+    fn check_motion(&self) -> Result<(), (String, String)> {
+        let motion = &self.motion;
+        if motion.instances.is_empty() && motion.cameras.is_empty() {
+            return Ok(());
+        }
+        let [instances, cameras] = [
+            self.instances.iter().map(|i| i.world_from_object).collect::<Vec<_>>(),
+            self.cameras.iter().map(|c| c.world_from_camera).collect(),
+        ];
+        for (kind, tracks, at_rest) in
+            [("instance", &motion.instances, instances), ("camera", &motion.cameras, cameras)]
+        {
+            for track in tracks {
+                let fail = |problem: &str| Err((format!("motion of {kind} {}", track.index), problem.to_owned()));
+                if at_rest.get(track.index).is_none_or(|first| track.steps.first() != Some(first)) {
+                    return fail("expected a track that begins where the shutter opens");
+                }
+                if let Some(problem) = track.problem() {
+                    return fail(problem);
+                }
+            }
+            if tracks.windows(2).any(|pair| pair[0].index >= pair[1].index) {
+                return Err((format!("motion of {kind}s"), "expected tracks by ascending index".into()));
+            }
+        }
+        Ok(())
     }
 }
 

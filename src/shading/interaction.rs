@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3, Vec4};
 use crate::backend::batch::{Hit, INVALID_ID};
 use crate::math::float;
 use crate::scene::geometry::{Geometry, NO_ATTRIBUTES};
+use crate::scene::placement::Placement;
 
 /// A surface point as numbers.
 #[derive(Clone, Copy, Debug)]
@@ -39,10 +40,14 @@ impl Interaction {
         let mut n_g = Vec3::from(triangle.n_g);
         let mut p = float::hit_point(v0, e1, e2, hit.u, hit.v);
         let mut error = triangle.error;
-        let placement = geometry.instances.get(hit.inst as usize);
+        let moved = geometry.moving.at(hit.inst, hit.time);
+        let placement = moved.as_ref().or_else(|| geometry.instances.get(hit.inst as usize));
         if let Some(placement) = placement {
-            error =
-                float::hit_error_instanced((v0, e1, e2), p, &placement.world_from_object, &placement.object_from_world);
+            let Placement { world_from_object, object_from_world, .. } = placement;
+            error = match geometry.moving.reach(hit.inst, hit.time) {
+                None => float::hit_error_instanced((v0, e1, e2), p, world_from_object, object_from_world),
+                Some(reach) => float::hit_error_moving((v0, e1, e2), p, &reach, object_from_world),
+            };
             p = placement.world_from_object.transform_point3(p);
             n_g = (placement.world_from_normal * n_g).normalize();
         }
@@ -102,7 +107,7 @@ pub fn tangent(geometry: &Geometry, hit: &Hit, n_s: Vec3) -> Option<Vec4> {
     let mut t = interpolate(a.truncate(), b.truncate(), c.truncate(), hit.u, hit.v);
     let mut sign = a.w;
     if hit.inst != INVALID_ID {
-        let m = &geometry.instances[hit.inst as usize].world_from_object.matrix3;
+        let m = &geometry.world_from_object(hit.inst, hit.time).matrix3;
         t = *m * t;
         sign *= m.determinant().signum();
     }

@@ -101,9 +101,14 @@ impl Passing {
         }
     }
 
-    /// Traces all; returns how many.
-    fn trace(&mut self, context: &Context, counters: &mut Counters) -> u64 {
+    /// Traces all; returns how many. `time` is asked for the time of a lane, where anything moves.
+    fn trace(&mut self, context: &Context, counters: &mut Counters, time: impl Fn(usize) -> f32) -> u64 {
         let len = self.pending.len();
+        if context.plan.features.shutter {
+            for (place, pending) in self.pending.iter().enumerate() {
+                self.rays[place / LANES].ray.time[place % LANES] = time(pending.lane as usize);
+            }
+        }
         let blocks = &mut self.rays[..len.div_ceil(LANES)];
         // The coherent hint is for camera rays alone.
         counters.invalid_rays += context.backend.closest_hit(blocks, len, Coherence::Incoherent);
@@ -172,7 +177,7 @@ fn go_on(
     }
     let mut traced = 0;
     while !passing.pending.is_empty() {
-        traced += passing.trace(context, counters);
+        traced += passing.trace(context, counters, |lane| rays[lane / LANES].ray.time[lane % LANES]);
         let mut left = 0;
         for place in 0..passing.pending.len() {
             let pending = passing.pending[place];
@@ -224,7 +229,7 @@ pub fn shadows(context: &Context, wave: &mut Wave, counters: &mut Counters) -> u
     }
     let mut traced = 0;
     while !passing.pending.is_empty() {
-        traced += passing.trace(context, counters);
+        traced += passing.trace(context, counters, |lane| shadows.rays[lane / LANES].time[lane % LANES]);
         let mut left = 0;
         for place in 0..passing.pending.len() {
             let mut pending = passing.pending[place];

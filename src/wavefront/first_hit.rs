@@ -1,6 +1,6 @@
 //! A pass of its own for the channels of the first hit, so that a render without them pays nothing. `albedo` and the
 //! normal are means over the render's own first camera samples (at most [`SAMPLES`] a pixel); depth and position belong to
-//! the ray through the pixel's centre.
+//! the ray through the pixel's centre, when the shutter opens.
 
 use glam::Vec3;
 

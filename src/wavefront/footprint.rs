@@ -67,7 +67,7 @@ pub fn lookup(context: &Context, rays: &RayHitBlock, vertices: &Vertices, i: usi
     };
     let (mut e1, mut e2) = (Vec3::from(triangle.e1), Vec3::from(triangle.e2));
     if rays.hit.inst[i] != INVALID_ID {
-        let world = &context.geometry.instances[rays.hit.inst[i] as usize].world_from_object;
+        let world = context.geometry.world_from_object(rays.hit.inst[i], rays.ray.time[i]);
         (e1, e2) = (world.transform_vector3(e1), world.transform_vector3(e2));
     }
     let cos = get(&vertices.n_g, i).dot(get(&vertices.wo, i)).abs();

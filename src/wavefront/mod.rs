@@ -26,6 +26,7 @@ pub mod queue;
 pub mod raygen;
 pub mod replay;
 pub mod shade;
+pub mod shutter;
 pub mod state;
 pub mod vertex;
 pub mod vertices;
@@ -68,6 +69,8 @@ pub struct Context<'a> {
     pub backend: &'a dyn Backend,
     /// Camera rays.
     pub camera: &'a CameraRays,
+    /// The same at equal intervals of the shutter; empty where the camera is at rest.
+    pub camera_steps: &'a [CameraRays],
     /// Pixel filter.
     pub filter: &'a FilterTable,
     /// Kernel of each material.
@@ -197,6 +200,9 @@ fn run_inline<S: Scheme, I: Isa>(
     while wave.current.len > 0 {
         let rays = if edge == 1 { &mut counters.rays_camera } else { &mut counters.rays_bounce };
         *rays += wave.current.len as u64;
+        if context.plan.features.shutter && edge > 1 {
+            shutter::stamp_paths(&wave.times, &mut wave.current);
+        }
         let blocks = wave.current.blocks();
         let current = &mut wave.current;
         counters.invalid_rays += context.backend.closest_hit(&mut current.rays[..blocks], current.len, coherence);
@@ -216,6 +222,9 @@ fn run_inline<S: Scheme, I: Isa>(
         counters.capped_paths += I::shade::<Surfaces, S>(context, wave, Kind::General, edge);
         observe::look(context, Stage::Shaded, edge, wave);
 
+        if context.plan.features.shutter {
+            shutter::stamp_shadows(&wave.times, &mut wave.shadows);
+        }
         if wave.shadows.len > 0 && context.plan.features.alpha {
             counters.rays_shadow += alpha::shadows(context, wave, counters);
             accumulate::shadows(wave, edge + 1);

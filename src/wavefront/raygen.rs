@@ -3,6 +3,7 @@
 
 use super::Context;
 use super::footprint::Cone;
+use super::shutter;
 use super::state::{Gathered, PathBlock, Wave};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::film::filter::FilterSample;
@@ -37,7 +38,11 @@ impl Chunk<'_> {
 pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
     let (len, columns) = (chunk.len(), u64::from(context.plan.resolution.0));
     wave.current.len = len;
+    if context.plan.features.shutter {
+        wave.times.resize(wave.sums.gathered.len(), 0.0);
+    }
     let mut cursor = Cursor { pixel: 0, sample: 0 };
+    let near = context.camera_steps.iter().fold(context.camera.near(), |near, step| near.max(step.near()));
     for (block, first) in (0..len).step_by(LANES).enumerate() {
         let rays = &mut wave.current.rays[block].ray;
         let path = &mut wave.current.paths[block];
@@ -76,7 +81,17 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
             (x[i], y[i]) = (x[i] + 0.5 + dx, y[i] + 0.5 + dy);
             wave.sums.gathered[first + i] = Gathered { radiance: [0.0; 3], coverage: 0.0, weight };
         }
-        if context.plan.features.lens {
+        if context.plan.features.shutter {
+            rays.time = shutter::draw::<S>(path);
+            wave.times[first..][..LANES.min(len - first)].copy_from_slice(&rays.time[..LANES.min(len - first)]);
+        }
+        if !context.camera_steps.is_empty() {
+            for i in 0..LANES {
+                let camera = shutter::camera(context, rays.time[i]);
+                let (org, dir) = camera.ray(x[i], y[i], [u[2][i], u[3][i]]);
+                rays.set(i, org, dir, f32::INFINITY);
+            }
+        } else if context.plan.features.lens {
             for i in 0..LANES {
                 let (org, dir) = context.camera.ray(x[i], y[i], [u[2][i], u[3][i]]);
                 rays.set(i, org, dir, f32::INFINITY);
@@ -87,7 +102,7 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
                 rays.set(i, org, dir, f32::INFINITY);
             }
         }
-        rays.tnear = [context.camera.near(); LANES];
+        rays.tnear = [near; LANES];
     }
     wave.sums.per_length.fill([[0.0; 3]; LENGTHS]);
     wave.cones.clear();

@@ -43,6 +43,8 @@ pub struct Replay {
     pub film_position: [Number; 2],
     /// Signed weight of the pixel filter.
     pub filter_weight: Number,
+    /// Time of the path, a fraction of the shutter; `None` where nothing moves.
+    pub time: Option<Number>,
     /// The path.
     pub vertices: Vec<Vertex>,
     /// Radiance of the sample: the last vertex's `gathered`.
@@ -82,6 +84,7 @@ pub fn run(context: &Context, pixel: (u32, u32), sample: u64) -> Replay {
         sample,
         film_position: film_position(context, pixel, sample),
         filter_weight: Number(gathered.weight),
+        time: wave.times.first().copied().map(Number),
         vertices,
         radiance: triple(gathered.radiance),
         coverage: Number(gathered.coverage),

@@ -13,6 +13,7 @@ use super::footprint::{self, Cone};
 use super::isa::Isa;
 use super::light_sample::LightLanes;
 use super::queue::Kind;
+use super::shutter;
 use super::state::{PathBlock, Paths, ShadowLanes, Shadows, Sums, Survivors, Wave};
 use super::vertices::Vertices;
 use crate::backend::batch::{LANES, RayHitBlock};
@@ -69,7 +70,7 @@ pub fn run<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(context: &Context<'c>, wave: &mu
     }
     let blocks = wave.current.blocks();
     let queue = mem::take(&mut wave.queues[kind as usize]);
-    let Wave { current, next, shadows, dense, sums, cones, .. } = wave;
+    let Wave { current, next, shadows, dense, sums, cones, times, .. } = wave;
     let mut outputs = Outputs { next, shadows, sums, cones };
     let mut capped = 0;
     for block in 0..blocks {
@@ -80,7 +81,10 @@ pub fn run<'c, B: Bsdfs<'c>, S: Scheme, I: Isa>(context: &Context<'c>, wave: &mu
         }
     }
     for lanes in queue.chunks(LANES) {
-        let (rays, paths) = pack(current, lanes);
+        let (mut rays, paths) = pack(current, lanes);
+        if context.plan.features.shutter {
+            shutter::stamp(times, &paths.slot, &mut rays.ray);
+        }
         let lanes = (0xFFFFu32 >> (LANES - lanes.len())) as u16;
         capped += shade_block::<B, S, I>(context, &rays, &paths, lanes, &mut outputs, edge);
     }

@@ -305,6 +305,8 @@ pub struct Wave {
     pub sums: Sums,
     /// Widths of the paths, by camera sample; empty unless textures are averaged over them.
     pub cones: Vec<Cone>,
+    /// Times of the paths, fractions of the shutter, by camera sample; empty unless something moves.
+    pub times: Vec<f32>,
 }
 
 /// Where radiance goes.
@@ -334,6 +336,7 @@ impl Wave {
                 capped: Capped::default(),
             },
             cones: Vec::new(),
+            times: Vec::new(),
         }
     }
 

@@ -1,5 +1,6 @@
 //! Loading of scenes: the shared ones by their known counts, and every feature of the loader on files made here.
 
+mod animation;
 mod appearance;
 pub mod fixture;
 mod hostile;
@@ -61,7 +62,7 @@ fn shared_scenes_have_their_known_counts() {
 #[test]
 fn own_scenes_load_as_their_recipes_say() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes"));
-    for name in ["cornell-box", "veach-mis", "glass-caustics", "many-lights", "env-object", "interior"] {
+    for name in ["cornell-box", "veach-mis", "glass-caustics", "many-lights", "env-object", "interior", "in-motion"] {
         let recipe = std::fs::read_to_string(scenes.join(name).join("expect.toml")).expect("a recipe");
         let recipe: toml::Table = toml::from_str(&recipe).expect("valid TOML");
         let path = scenes.join(name).join(recipe["scene"].as_str().expect("a file name"));

@@ -31,4 +31,5 @@ mod reference;
 mod replay;
 mod sampling;
 mod selection;
+mod shutter;
 mod textures;

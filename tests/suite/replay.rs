@@ -122,6 +122,15 @@ fn replays_pass_what_the_render_passed() {
     }
 }
 
+/// Every path has its own time, in a replay as in the render.
+#[test]
+fn replays_stand_at_the_time_of_the_path() {
+    for &backend in BackendKind::available() {
+        let options = RenderOptions { backend: Some(backend), ..options(24, 24, 5) };
+        holds(backend.name(), &crate::shutter::moving_room(), options, 7);
+    }
+}
+
 #[test]
 fn replays_have_the_bits_of_the_film_in_the_shared_scenes() {
     let Some(shared) = shared("replay of the shared scenes") else { return };

@@ -73,6 +73,8 @@ struct Ray {
     dir: DVec3,
     /// First and last distance.
     segment: (f32, f32),
+    /// Shutter time.
+    time: f32,
 }
 
 /// Numbers of a hit.
@@ -89,6 +91,7 @@ fn mend_lane(world: &World, block: &mut RayHitBlock, lane: usize, end: f32, quer
         org: block.ray.org(lane).as_dvec3(),
         dir: block.ray.dir(lane).as_dvec3(),
         segment: (block.ray.tnear[lane], end),
+        time: block.ray.time[lane],
     };
     let prim = block.hit.prim[lane];
     let Some(found) = ray.meets(world, prim).or_else(|| ray.look_on(world, prim, query)) else {
@@ -146,7 +149,7 @@ impl Ray {
         let org = (self.org + self.dir * f64::from(start)).as_vec3();
         let (mut near, far) = segment;
         for _ in 0..MOST_FALSE {
-            let hit = world.closest(org, self.dir.as_vec3(), (near, far), query)?;
+            let hit = world.closest((org, self.dir.as_vec3(), self.time), (near, far), query)?;
             if let Some(found) = self.meets(world, hit.prim) {
                 return Some(found);
             }
@@ -180,7 +183,7 @@ pub(super) struct Reported {
 
 impl World {
     /// The closest hit of one ray on the world mesh. `None` also for one on an instance, which nothing can be said of here.
-    fn closest(&self, org: Vec3, dir: Vec3, segment: (f32, f32), query: &mut Query) -> Option<Reported> {
+    fn closest(&self, (org, dir, time): (Vec3, Vec3, f32), segment: (f32, f32), query: &mut Query) -> Option<Reported> {
         let (tnear, tfar) = segment;
         if !(tnear <= tfar && org.is_finite()) {
             return None;
@@ -193,6 +196,7 @@ impl World {
             dir_x: dir.x,
             dir_y: dir.y,
             dir_z: dir.z,
+            time,
             tfar,
             mask: u32::MAX,
             ..Default::default()

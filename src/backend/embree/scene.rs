@@ -77,8 +77,11 @@ impl World {
         let mut max_coordinate = MAX_COORDINATE;
         for (index, placement) in geometry.instances.iter().enumerate() {
             if let Some(scene) = &meshes[placement.mesh as usize] {
-                max_coordinate = max_coordinate.min(reach(placement)?);
-                top.attach(&instance_geometry(device, scene, placement)?, FIRST_INSTANCE + index as u32)?;
+                let steps = geometry.moving.steps(index as u32);
+                max_coordinate =
+                    max_coordinate.min(if steps.is_empty() { reach(placement)? } else { reach_moving(steps)? });
+                let steps = if steps.is_empty() { std::slice::from_ref(placement) } else { steps };
+                top.attach(&instance_geometry(device, scene, steps)?, FIRST_INSTANCE + index as u32)?;
             }
         }
         bvh_bytes += top.commit()?;
@@ -273,25 +276,50 @@ struct Corners {
     triangles: usize,
 }
 
-/// A placement of a committed scene, committed.
-fn instance_geometry(device: &Device, scene: &Scene, placement: &Placement) -> Result<GeometryHandle> {
+/// A committed scene placed once, committed; `steps` are its poses at equal intervals of the shutter, one if it is at rest.
+fn instance_geometry(device: &Device, scene: &Scene, steps: &[Placement]) -> Result<GeometryHandle> {
     let geometry = GeometryHandle::new(device, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)?;
     // SAFETY: both are alive; the geometry takes a reference of the scene.
     unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw, scene.raw) };
     // SAFETY: the geometry is alive.
-    unsafe { sys::rtcSetGeometryTimeStepCount(geometry.raw, 1) };
-    let columns: [f32; 12] = placement.world_from_object.to_cols_array();
+    unsafe { sys::rtcSetGeometryTimeStepCount(geometry.raw, steps.len() as u32) };
     let format = sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR;
-    // SAFETY: twelve floats, three for each of four columns, copied during the call.
-    unsafe { sys::rtcSetGeometryTransform(geometry.raw, 0, format, columns.as_ptr().cast()) };
+    for (step, placement) in (0u32..).zip(steps) {
+        let columns: [f32; 12] = placement.world_from_object.to_cols_array();
+        // SAFETY: twelve floats, three for each of four columns, copied during the call; the step is below their number.
+        unsafe { sys::rtcSetGeometryTransform(geometry.raw, step, format, columns.as_ptr().cast()) };
+    }
     geometry.commit(device)?;
     Ok(geometry)
 }
 
+/// What is left of the range that Embree asserts in object space: a tenth is for its own inverse, which is computed in f32.
+const OBJECT_LIMIT: f32 = 0.9 * 1.8e18;
+
+/// As [`reach`] for an instance that moves. Elements of an inverse are sums of two products of elements over the determinant, which
+/// stays above a 64th of the largest at the ends of its part of the shutter (`scene::motion::Track::problem`).
+fn reach_moving(steps: &[Placement]) -> Result<f32> {
+    let mut limit = f64::from(OBJECT_LIMIT);
+    for pair in steps.windows(2) {
+        let matrices = [pair[0].world_from_object, pair[1].world_from_object];
+        let element =
+            |m: &Affine3A| f64::from(m.matrix3.to_cols_array().into_iter().fold(0.0, |a: f32, x| a.max(x.abs())));
+        let largest = matrices.iter().map(element).fold(0.0, f64::max);
+        let volume = matrices.iter().map(|m| m.matrix3.as_dmat3().determinant().abs()).fold(0.0, f64::max);
+        let away = matrices.iter().map(|m| f64::from(m.translation.abs().max_element())).fold(0.0, f64::max);
+        let stretch = 3.0 * 2.0 * largest * largest * 64.0 / volume;
+        limit = limit.min(f64::from(OBJECT_LIMIT) / stretch - away);
+    }
+    // False of NaN as well.
+    if limit > 2.0 {
+        Ok(limit as f32)
+    } else {
+        Err(failure("an instance's transform is not finite or cannot be inverted while it moves"))
+    }
+}
+
 /// The largest origin coordinate that an instance takes: Embree asserts the range (1.844·10¹⁸) again in object space.
 fn reach(placement: &Placement) -> Result<f32> {
-    // A tenth is left for Embree's own inverse, which is computed in f32.
-    const OBJECT_LIMIT: f32 = 0.9 * 1.8e18;
     let (there, back) = (&placement.world_from_object, &placement.object_from_world);
     let finite = |affine: &Affine3A| affine.to_cols_array().into_iter().all(f32::is_finite);
     let columns = [back.matrix3.x_axis, back.matrix3.y_axis, back.matrix3.z_axis].map(|axis| axis.abs());

@@ -9,7 +9,7 @@
 //! faces seen nearly edge-on. The error is one of the scene's size, so a scene must lie around its origin ([`suits`]). The weights
 //! of the hit that won are computed anew relative to the ray's origin, in f64 where it is oblique.
 //!
-//! Limits: no instances; a triangle seen exactly edge-on is not hit; of two hits at equal distance parallelograms come before
+//! Limits: no instances, so nothing that moves; a triangle seen exactly edge-on is not hit; of two hits at equal distance parallelograms come before
 //! triangles, then the lower triangle wins.
 
 mod faces;

@@ -229,6 +229,11 @@ impl<G: Goal> Waiting<'_, G> {
         Some(((self.block - 1) * LANES + lane) as u32)
     }
 
+    /// The shutter time of that ray.
+    fn time(&self, number: u32) -> f32 {
+        G::rays(&self.blocks[number as usize / LANES]).time[number as usize % LANES]
+    }
+
     /// The ray of that number as it was given.
     fn ray(&self, number: u32) -> Ray {
         Ray::of_lane(G::rays(&self.blocks[number as usize / LANES]), number as usize % LANES)
@@ -396,7 +401,8 @@ impl Flight {
                 self.instance = INSTANCE_OF_WORLD;
             }
             Rare::Instance(instance) => {
-                let placement = &hierarchy.instances[instance];
+                let moved = hierarchy.moving.at(instance as u32, batch.time(self.ray));
+                let placement = moved.as_ref().unwrap_or(&hierarchy.instances[instance]);
                 if let Some(ray) = batch.ray(self.ray).to_object(placement) {
                     self.world = self.record;
                     self.record = Record::of(&ray);

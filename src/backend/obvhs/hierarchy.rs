@@ -13,6 +13,7 @@ use super::node::Node;
 use super::reference::Reference;
 use super::tree::{Bounds, Tree};
 use crate::scene::geometry::{Geometry, Placement};
+use crate::scene::placement::Moving;
 
 /// What the walk reads.
 #[derive(Debug)]
@@ -26,6 +27,8 @@ pub(super) struct Hierarchy {
     /// The meshes.
     pub roots: Vec<Reference>,
     pub instances: Vec<Placement>,
+    /// Where those that move are over the shutter.
+    pub moving: Moving,
     /// Triangles that are kept.
     pub triangles: u64,
 }
@@ -48,6 +51,7 @@ impl Hierarchy {
             top: Reference::NOTHING,
             roots: Vec::with_capacity(meshes.len()),
             instances: geometry.instances.clone(),
+            moving: geometry.moving.clone(),
             triangles: meshes.iter().map(|mesh| mesh.triangles).sum(),
         };
         for mesh in meshes {
@@ -115,7 +119,10 @@ fn over_instances(geometry: &Geometry, meshes: &[Bounds], reach: DVec3) -> (Vec<
     for (i, placement) in geometry.instances.iter().enumerate() {
         let Some(&mesh) = meshes.get(placement.mesh as usize).filter(|mesh| !mesh.is_empty()) else { continue };
         placed.push(i);
-        boxes.push(instance_bounds(placement, mesh, reach));
+        boxes.push(match geometry.moving.steps(i as u32) {
+            [] => instance_bounds(placement, mesh, reach),
+            steps => moving_bounds(steps, mesh, reach),
+        });
     }
     let items = || -> Vec<u32> { Range { start: 0, end: boxes.len() as u32 }.collect() };
     let folded = |tree: &Tree| fold(tree, 1, |item| Reference::instance(placed[item[0] as usize]));
@@ -141,4 +148,11 @@ fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds 
     let half = world.matrix3.abs() * (0.5 * (hi - lo) + rounding);
     let center = world.transform_point3(0.5 * lo + 0.5 * hi);
     Bounds { lo: (center - half).as_vec3(), hi: (center + half).as_vec3() }.grown(glam::Vec3::ZERO)
+}
+
+/// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold them. Inverses
+/// between two poses may be larger than theirs, but not 64 times (`scene::motion::Track::problem`).
+fn moving_bounds(steps: &[Placement], mesh: Bounds, reach: DVec3) -> Bounds {
+    let boxes = steps.iter().map(|step| instance_bounds(step, mesh, reach * 64.0));
+    boxes.fold(Bounds::EMPTY, Bounds::union)
 }

@@ -113,6 +113,17 @@ impl<'d> Accessor<'d> {
         }
     }
 
+    /// Fails unless elements are floats, or, where that is accepted, integers that stand for them.
+    pub(super) fn expect_floats(&self, document: &Document, normalized_too: bool) -> Result<()> {
+        let small = !matches!(self.kind, ComponentType::F32 | ComponentType::U32);
+        if self.kind == ComponentType::F32 || (normalized_too && self.normalized && small) {
+            return Ok(());
+        }
+        let also = if normalized_too { " or normalized integers of 8 or 16 bits" } else { "" };
+        let problem = format!("expected floats{also}, found {:?}", self.kind);
+        Err(document.error(format!("{}/componentType", self.pointer), problem))
+    }
+
     /// Element `element` as an index. Callers have checked `expect_indices`.
     pub(super) fn index(&self, element: usize) -> u32 {
         self.element(element).map_or(0, |bytes| unsigned(bytes, self.kind))

@@ -8,6 +8,7 @@ use gltf::json::camera::Type;
 
 use super::super::{Camera, Projection};
 use super::document::Document;
+use super::moving::to_f32;
 use super::node::Placed;
 use crate::error::Result;
 
@@ -57,18 +58,20 @@ pub(super) fn read(document: &Document, node: &Placed, index: usize, origin: DVe
                 }
             }
         };
-    let rotation = rigid(node.world_from_node.matrix3).ok_or_else(|| {
+    let world_from_camera = placed(&node.world_from_node, origin).ok_or_else(|| {
         document.error(&node.pointer, "expected a node with an orientation for its camera, found a scale of zero")
     })?;
-    let world_from_camera = DAffine3 { matrix3: rotation, translation: node.world_from_node.translation - origin };
     Ok(Camera {
         name: camera.name.or_else(|| node.name.clone()).unwrap_or_else(|| format!("camera {index}")),
-        world_from_camera: Affine3A {
-            matrix3: world_from_camera.matrix3.as_mat3().into(),
-            translation: world_from_camera.translation.as_vec3a(),
-        },
+        world_from_camera,
         projection,
     })
+}
+
+/// Camera to world of a camera whose node is at `world_from_node`; `None` where that has no orientation.
+pub(super) fn placed(world_from_node: &DAffine3, origin: DVec3) -> Option<Affine3A> {
+    let matrix3 = rigid(world_from_node.matrix3)?;
+    Some(to_f32(&DAffine3 { matrix3, translation: world_from_node.translation - origin }))
 }
 
 /// The rotation that looks along the same −Z with the same up direction.

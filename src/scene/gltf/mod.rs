@@ -3,9 +3,10 @@
 //! The order is: document, node tree, materials, the meshes that the chosen scene shows, textures, then the placements relative
 //! to [`Scene::origin`]. A broken or hostile file gives [`Error::InvalidScene`](crate::Error::InvalidScene) with the JSON pointer of what is wrong; what is merely not
 //! simulated becomes a warning. Memory is bounded by what the file holds, not by the numbers in it.
-//! Limits: no animation, skins, morph targets, compression extensions.
+//! Animations are read for a shutter alone ([`LoadOptions::shutter`]). Limits: no skins, morph targets, compression extensions.
 
 mod accessor;
+mod animation;
 mod camera;
 mod document;
 mod image;
@@ -13,6 +14,7 @@ mod json;
 mod light;
 mod material;
 mod mesh;
+mod moving;
 mod node;
 mod placement;
 mod tangent;
@@ -23,9 +25,13 @@ mod uv;
 use std::collections::HashMap;
 use std::path::Path;
 
+use glam::{DAffine3, DVec3};
+
+use self::animation::Animations;
 use self::document::Document;
 use self::material::MaterialTable;
-use self::node::Placed;
+use self::node::{Placed, Timeline};
+use super::motion::{Motion, Track};
 use super::{Dropped, LoadOptions, Mesh, MeshId, Scene, geometry};
 use crate::error::Result;
 
@@ -38,11 +44,26 @@ impl Scene {
     /// As [`load`](Self::load), under other options.
     pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
         let document = Document::read(path.as_ref())?;
-        let nodes = node::flatten(&document)?;
+        let timeline = Timeline {
+            animations: &match options.shutter {
+                Some(_) => Animations::read(&document)?,
+                None => Animations::default(),
+            },
+            times_s: options.shutter.map_or(vec![0.0], moving::times_s),
+        };
+        let nodes = node::flatten(&document, &timeline)?;
         let mut materials = MaterialTable::read(&document)?;
         let mut dropped = Dropped::default();
         let meshes = read_meshes(&document, &nodes, &mut materials, &mut dropped)?;
-        let placement = placement::place(&document, &nodes, &meshes)?;
+        let mut motion = Motion {
+            shutter: options.shutter,
+            animations: animation::spans(&document)?,
+            unmoved: timeline.animations.unmoved.clone(),
+            ..Motion::default()
+        };
+        let ways = moving::ways(&nodes, &meshes, &mut motion);
+        let placement = placement::place(&document, &nodes, &ways, &meshes)?;
+        motion.instances = placement.tracks;
         let origin = placement.origin;
 
         let mut scene = Scene {
@@ -53,19 +74,21 @@ impl Scene {
             dropped,
             ..Scene::default()
         };
-        for node in &nodes {
+        for (node, way) in nodes.iter().zip(&ways) {
             if let Some(index) = node.light {
                 scene.punctual.push(light::read(&document, node, index, origin)?);
             }
             if let Some(index) = node.camera {
+                motion.cameras.extend(camera_track(scene.cameras.len(), way, origin));
                 scene.cameras.push(camera::read(&document, node, index, origin)?);
             }
         }
+        scene.motion = motion;
         if scene.cameras.is_empty() {
             scene.cameras.push(camera::framed(placement.least, placement.most));
             document.warn("/cameras", "the scene has no camera; one that sees all of it is added");
         }
-        warn_of_left_out(&document, dropped)?;
+        warn_of_left_out(&document, dropped, options)?;
         if materials.materials.is_empty() {
             materials.default_material();
         }
@@ -82,6 +105,12 @@ impl Scene {
         scene.validate()?;
         Ok(scene)
     }
+}
+
+/// The track of the camera of that number, if its node moves along `way` and has an orientation everywhere.
+fn camera_track(index: usize, way: &[DAffine3], origin: DVec3) -> Option<Track> {
+    let steps: Vec<_> = way.iter().map(|pose| camera::placed(pose, origin)).collect::<Option<_>>()?;
+    steps.iter().any(|step| *step != steps[0]).then_some(Track { index, steps })
 }
 
 /// The meshes in use: one for each primitive, grouped by the glTF mesh that holds them.
@@ -125,15 +154,18 @@ fn read_meshes(
     Ok(meshes)
 }
 
-fn warn_of_left_out(document: &Document, dropped: Dropped) -> Result<()> {
+fn warn_of_left_out(document: &Document, dropped: Dropped, options: &LoadOptions) -> Result<()> {
     if dropped.degenerate_triangles > 0 {
         document.warn("/meshes", format!("{} triangles without area are left out", dropped.degenerate_triangles));
     }
     if dropped.points_and_lines > 0 {
         document.warn("/meshes", format!("{} points and lines are left out", dropped.points_and_lines));
     }
-    if !document.table("animations")?.is_empty() {
-        document.warn("/animations", "animations are not supported; the scene is shown at rest");
+    if options.shutter.is_none() && !document.table("animations")?.is_empty() {
+        document.warn(
+            "/animations",
+            "animations run with a shutter only (--shutter OPEN,CLOSE); the scene is shown at rest",
+        );
     }
     Ok(())
 }

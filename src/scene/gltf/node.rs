@@ -2,11 +2,15 @@
 //!
 //! Source: glTF 2.0 §3.5.3. Transforms are read from the JSON text as f64, not through the crate's f32, so that scenes far from
 //! the origin keep their precision. The walk keeps its own stack: depth is bounded by the number of nodes only.
-//! A node reached twice (a cycle, or two parents) is an error.
+//! A node reached twice (a cycle, or two parents) is an error. Nodes that an animation drives, and those below them, are posed at
+//! every time of the timeline; all others once.
+
+use std::rc::Rc;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
 
+use super::animation::{Animations, Trs};
 use super::document::Document;
 use super::json::brief;
 use crate::error::Result;
@@ -18,22 +22,38 @@ pub(super) struct Placed {
     pub(super) pointer: String,
     pub(super) name: Option<String>,
     pub(super) world_from_node: DAffine3,
+    /// The same at each time of the timeline, if an animation drives the node or one above it and there is more than one time.
+    pub(super) poses: Option<Rc<[DAffine3]>>,
     pub(super) mesh: Option<usize>,
     pub(super) camera: Option<usize>,
     pub(super) light: Option<usize>,
 }
 
+/// What drives nodes, and when they are looked at.
+pub(super) struct Timeline<'a> {
+    pub(super) animations: &'a Animations<'a>,
+    /// Seconds; at least one. Where nodes stand by default is where they are at the first.
+    pub(super) times_s: Vec<f64>,
+}
+
+/// Where a node's children hang.
+struct Parent {
+    world_from_node: DAffine3,
+    poses: Option<Rc<[DAffine3]>>,
+}
+
 /// The chosen scene's nodes that carry something, parents before children, in file order.
-pub(super) fn flatten(document: &Document) -> Result<Vec<Placed>> {
+pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Vec<Placed>> {
     let nodes = document.table("nodes")?;
     let mut reached = vec![false; nodes.len()];
     let mut placed = Vec::new();
-    // Pending nodes with their parent's transform and the pointer that refers to them; the last is visited next.
-    let mut pending: Vec<(usize, DAffine3, String)> = Vec::new();
+    // Pending nodes with their parent and the pointer that refers to them; the last is visited next.
+    let mut pending: Vec<(usize, Rc<Parent>, String)> = Vec::new();
+    let world = Rc::new(Parent { world_from_node: DAffine3::IDENTITY, poses: None });
     for (root, from) in roots(document)?.into_iter().rev() {
-        pending.push((root, DAffine3::IDENTITY, from));
+        pending.push((root, world.clone(), from));
     }
-    while let Some((index, world_from_parent, from)) = pending.pop() {
+    while let Some((index, parent, from)) = pending.pop() {
         let node = nodes.get(index).ok_or_else(|| document.out_of_range("nodes", index, &from))?;
         if std::mem::replace(&mut reached[index], true) {
             let problem =
@@ -42,13 +62,25 @@ pub(super) fn flatten(document: &Document) -> Result<Vec<Placed>> {
         }
         let pointer = format!("/nodes/{index}");
         let reader = Reader { document, node, pointer: &pointer };
-        let world_from_node = world_from_parent * reader.parent_from_node()?;
-        if !world_from_node.is_finite() {
+        let local = reader.local()?;
+        let world_from_node = parent.world_from_node * timeline.at(document, index, &local, timeline.times_s[0])?;
+        let driven = parent.poses.is_some() || timeline.animations.driver(index).is_some();
+        let poses = (driven && timeline.times_s.len() > 1).then(|| {
+            document.charge(timeline.times_s.len(), &pointer)?;
+            let at = |(i, &time_s): (usize, &f64)| {
+                let world_from_parent = parent.poses.as_ref().map_or(parent.world_from_node, |poses| poses[i]);
+                Ok(world_from_parent * timeline.at(document, index, &local, time_s)?)
+            };
+            timeline.times_s.iter().enumerate().map(at).collect::<Result<Rc<[DAffine3]>>>()
+        });
+        let poses = poses.transpose()?;
+        if !world_from_node.is_finite() || poses.iter().flat_map(|poses| poses.iter()).any(|pose| !pose.is_finite()) {
             return Err(document.error(pointer, "expected a finite world transform, found one that overflows"));
         }
+        let node_itself = Rc::new(Parent { world_from_node, poses: poses.clone() });
         for (place, child) in reader.array("children")?.iter().enumerate().rev() {
             let from = format!("{pointer}/children/{place}");
-            pending.push((index_value(document, child, &from)?, world_from_node, from));
+            pending.push((index_value(document, child, &from)?, node_itself.clone(), from));
         }
         let mesh = reader.index("/mesh")?;
         let camera = reader.index("/camera")?;
@@ -56,10 +88,32 @@ pub(super) fn flatten(document: &Document) -> Result<Vec<Placed>> {
         if mesh.is_some() || camera.is_some() || light.is_some() {
             reader.warn_ignored();
             let name = node.get("name").and_then(Value::as_str).map(str::to_owned);
-            placed.push(Placed { pointer, name, world_from_node, mesh, camera, light });
+            placed.push(Placed { pointer, name, world_from_node, poses, mesh, camera, light });
         }
     }
     Ok(placed)
+}
+
+/// What a node states of its own transform.
+enum Local {
+    Matrix(DAffine3),
+    Parts(Trs),
+}
+
+impl Timeline<'_> {
+    /// Node to parent at a time.
+    fn at(&self, document: &Document, node: usize, local: &Local, time_s: f64) -> Result<DAffine3> {
+        let parts = match (local, self.animations.driver(node)) {
+            (Local::Matrix(matrix), None) => return Ok(*matrix),
+            (Local::Matrix(_), Some(channel)) => {
+                let problem = format!("expected an animated node without a matrix, found node {node} with one");
+                return Err(document.error(format!("{channel}/target/node"), problem));
+            }
+            (Local::Parts(parts), None) => *parts,
+            (Local::Parts(parts), Some(_)) => self.animations.pose(document, node, *parts, time_s)?,
+        };
+        Ok(DAffine3::from_scale_rotation_translation(parts.scale, parts.rotation, parts.translation))
+    }
 }
 
 /// Pointer of the chosen scene (glTF 2.0 §3.5.1: the default one, else the first), if the file has scenes.
@@ -101,7 +155,7 @@ fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
     Ok((0..nodes.len()).filter(|&node| !is_child[node]).map(|node| (node, format!("/nodes/{node}"))).collect())
 }
 
-fn index_value(document: &Document, value: &Value, pointer: &str) -> Result<usize> {
+pub(super) fn index_value(document: &Document, value: &Value, pointer: &str) -> Result<usize> {
     let index = value.as_u64().and_then(|index| usize::try_from(index).ok());
     index.ok_or_else(|| document.error(pointer, format!("expected an index, found {}", brief(value))))
 }
@@ -113,8 +167,8 @@ struct Reader<'d> {
 }
 
 impl Reader<'_> {
-    /// The node's local transform: `matrix`, or translation · rotation · scale.
-    fn parent_from_node(&self) -> Result<DAffine3> {
+    /// The node's local transform: `matrix`, or translation, rotation and scale.
+    fn local(&self) -> Result<Local> {
         if let Some(matrix) = self.numbers::<16>("matrix")? {
             let matrix = DMat4::from_cols_array(&matrix);
             if matrix.row(3) != DVec4::W {
@@ -122,7 +176,7 @@ impl Reader<'_> {
             }
             let columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(DVec4::truncate);
             let linear = DMat3::from_cols(columns[0], columns[1], columns[2]);
-            return Ok(DAffine3 { matrix3: linear, translation: matrix.w_axis.truncate() });
+            return Ok(Local::Matrix(DAffine3 { matrix3: linear, translation: matrix.w_axis.truncate() }));
         }
         let translation = self.numbers::<3>("translation")?.map_or(DVec3::ZERO, DVec3::from);
         let scale = self.numbers::<3>("scale")?.map_or(DVec3::ONE, DVec3::from);
@@ -138,7 +192,7 @@ impl Reader<'_> {
                 DQuat::from_vec4(DVec4::from(rotation) / length)
             }
         };
-        Ok(DAffine3::from_scale_rotation_translation(scale, rotation, translation))
+        Ok(Local::Parts(Trs { translation, rotation, scale }))
     }
 
     fn numbers<const N: usize>(&self, member: &str) -> Result<Option<[f64; N]>> {

@@ -8,9 +8,11 @@
 use glam::{Affine3A, DAffine3, DVec3};
 
 use super::super::geometry::LARGEST_COORDINATE_M;
+use super::super::motion::Track;
 use super::super::{Instance, MeshId};
 use super::Meshes;
 use super::document::Document;
+use super::moving::{Way, to_f32};
 use super::node::Placed;
 use crate::error::Result;
 
@@ -21,19 +23,23 @@ const FAR_IN_DIAGONALS: f64 = 16.0;
 /// All placements of the scene.
 pub(super) struct Placement {
     pub(super) instances: Vec<Instance>,
+    /// Of the instances that move.
+    pub(super) tracks: Vec<Track>,
     pub(super) origin: DVec3,
     /// World bounds, relative to `origin`.
     pub(super) least: DVec3,
     pub(super) most: DVec3,
 }
 
-/// Places the meshes of every node.
-pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> Result<Placement> {
+/// Places the meshes of every node; `ways` has the poses of those that move, and may be shorter.
+pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes: &Meshes) -> Result<Placement> {
     let bounds: Vec<(DVec3, DVec3)> = meshes.list.iter().map(|mesh| object_bounds(&mesh.positions)).collect();
     let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut placed: Vec<(MeshId, DAffine3)> = Vec::new();
+    let mut moving: Vec<(usize, &Way)> = Vec::new();
     let mut collapsed = 0;
-    for node in nodes {
+    for (place, node) in nodes.iter().enumerate() {
+        let way = ways.get(place).filter(|way| !way.is_empty());
         let ids = node.mesh.and_then(|mesh| meshes.of_gltf_mesh.get(&mesh)).map_or(&[][..], Vec::as_slice);
         if ids.is_empty() {
             continue;
@@ -54,15 +60,19 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
             let (low, high) = bounds[id.index()];
             for corner in 0..8 {
                 let choose = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-                let point = node.world_from_node.transform_point3(DVec3::new(choose(0), choose(1), choose(2)));
-                // Also true of NaN, which overflow may leave.
-                if !point.abs().cmple(DVec3::splat(f64::from(LARGEST_COORDINATE_M))).all() {
-                    let problem = format!("expected world coordinates up to {LARGEST_COORDINATE_M:e} m, found {point}");
-                    return Err(document.error(&node.pointer, problem));
+                for pose in way.map_or(std::slice::from_ref(&node.world_from_node), Vec::as_slice) {
+                    let point = pose.transform_point3(DVec3::new(choose(0), choose(1), choose(2)));
+                    // Also true of NaN, which overflow may leave.
+                    if !point.abs().cmple(DVec3::splat(f64::from(LARGEST_COORDINATE_M))).all() {
+                        let problem =
+                            format!("expected world coordinates up to {LARGEST_COORDINATE_M:e} m, found {point}");
+                        return Err(document.error(&node.pointer, problem));
+                    }
+                    least = least.min(point);
+                    most = most.max(point);
                 }
-                least = least.min(point);
-                most = most.max(point);
             }
+            moving.extend(way.map(|way| (placed.len(), way)));
             placed.push((id, node.world_from_node));
         }
     }
@@ -79,12 +89,18 @@ pub(super) fn place(document: &Document, nodes: &[Placed], meshes: &Meshes) -> R
         document
             .warn("/nodes", format!("the scene lies far from the origin; {origin} is subtracted from all positions"));
     }
-    let instance = |(mesh, world): (MeshId, DAffine3)| {
-        let relative = DAffine3 { matrix3: world.matrix3, translation: world.translation - origin };
-        Instance { mesh, world_from_object: to_f32(&relative) }
+    let relative =
+        |world: &DAffine3| to_f32(&DAffine3 { matrix3: world.matrix3, translation: world.translation - origin });
+    let track = |(index, way): (usize, &Way)| {
+        let steps: Vec<Affine3A> = way.iter().map(relative).collect();
+        // What moves by less than f32 can tell stands still.
+        steps.iter().any(|step| *step != steps[0]).then_some(Track { index, steps })
     };
     Ok(Placement {
-        instances: placed.into_iter().map(instance).collect(),
+        tracks: moving.into_iter().filter_map(track).collect(),
+        instances: (placed.iter())
+            .map(|(mesh, world)| Instance { mesh: *mesh, world_from_object: relative(world) })
+            .collect(),
         origin,
         least: least - origin,
         most: most - origin,
@@ -107,10 +123,6 @@ fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {
         let position = position.as_dvec3();
         (least.min(position), most.max(position))
     })
-}
-
-fn to_f32(world: &DAffine3) -> Affine3A {
-    Affine3A { matrix3: world.matrix3.as_mat3().into(), translation: world.translation.as_vec3a() }
 }
 
 #[cfg(test)]

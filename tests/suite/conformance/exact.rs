@@ -125,7 +125,7 @@ pub fn nearest(geometry: &Geometry, ray: &TestRay) -> Option<Hit> {
     everything(geometry)
         .filter_map(|id| look(geometry, ray, id).filter(Look::exact).map(|look| (id, look)))
         .min_by(|a, b| a.1.t.total_cmp(&b.1.t))
-        .map(|((inst, geom, prim), l)| Hit { t: l.t as f32, u: l.u as f32, v: l.v as f32, prim, geom, inst })
+        .map(|((inst, geom, prim), l)| Hit { t: l.t as f32, u: l.u as f32, v: l.v as f32, prim, geom, inst, time: 0.0 })
 }
 
 /// Whether the numbers of `hit` are those of the triangle it names, up to rounding.

@@ -10,6 +10,7 @@
 mod closed;
 pub(crate) mod exact;
 mod lanes;
+mod moving;
 mod scenes;
 pub(crate) mod shapes;
 

@@ -29,6 +29,7 @@ mod receiver;
 mod reproducible;
 pub mod room;
 mod roulette;
+mod shutter;
 mod solid_angle;
 mod spawn;
 mod spheres;
