@@ -7,6 +7,7 @@ use super::estimator;
 use super::queue::{KINDS, Kind};
 use super::state::Wave;
 use crate::backend::batch::{INVALID_ID, LANES};
+use crate::math::isa;
 use crate::math::lanes::lanes_of;
 
 /// Lanes of one kind above which a block is shaded where it lies, its other lanes idle: gathering a lane costs about as
@@ -51,8 +52,10 @@ fn sort(context: &Context, wave: &mut Wave, block: usize, hit: u16) -> (Kind, u1
         Some(kind) => of_kind[kind as usize] = hit,
         None => {
             for i in lanes_of(hit) {
-                let material = context.geometry.triangle(hits.geom[i], hits.prim[i]).material;
-                of_kind[context.kinds[material as usize] as usize] |= 1 << i;
+                let triangle = context.geometry.triangle(hits.geom[i], hits.prim[i]);
+                of_kind[context.kinds[triangle.material as usize] as usize] |= 1 << i;
+                let normals = context.geometry.normals.as_ptr().wrapping_add(triangle.attributes as usize);
+                isa::fetch::<1>(normals.cast());
             }
         }
     }

@@ -6,12 +6,12 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::fold::fold;
-use super::isa;
 use super::leaf::Block;
 use super::mesh::MeshTree;
 use super::node::Node;
 use super::reference::Reference;
 use super::tree::{Bounds, Tree};
+use crate::math::isa;
 use crate::scene::geometry::{Geometry, Placement};
 use crate::scene::placement::Moving;
 

@@ -39,21 +39,6 @@ static KEPT: [[u8; 8]; 256] = {
     table
 };
 
-/// Bytes of a cache line.
-const LINE: usize = 64;
-
-/// Asks for `LINES` cache lines from `at` on. It need not be a place that may be read.
-#[inline(always)]
-pub(super) fn fetch<const LINES: usize>(at: *const u8) {
-    #[cfg(target_arch = "x86_64")]
-    for line in 0..LINES {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch reads nothing that the program sees, and no address is forbidden.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line * LINE).cast()) };
-    }
-    let _ = (at, LINE);
-}
-
 /// [`flight::run`] with AVX-512 if `wide` (only where [`crate::math::isa::has_avx512`] is true), else with the baseline.
 pub(super) fn run<G: Goal>(wide: bool, hierarchy: &Hierarchy, blocks: &mut [G::Block], len: usize) -> u64 {
     #[cfg(target_arch = "x86_64")]

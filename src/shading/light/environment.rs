@@ -18,6 +18,7 @@ use glam::Vec3;
 use super::{LightSample, channel_mean, is_radiance};
 use crate::error::{Error, Result};
 use crate::math::angle::{atan2_turns, sin_cos_turns};
+use crate::math::isa;
 use crate::math::lanes::lanes_of;
 use crate::math::table::{Distribution2D, TableError};
 use crate::scene::light::Environment;
@@ -152,6 +153,12 @@ impl EnvironmentLight {
     #[inline(always)]
     pub fn draw<const N: usize>(&self, u: &[f32; N], v: &[f32; N]) -> DrawnDirections<N> {
         let cells = self.density.sample_cells(u, v);
+        // The texels are looked up when the directions are known.
+        for i in 0..N {
+            let at = cells.row[i] as usize * self.width as usize + cells.column[i] as usize;
+            isa::fetch::<1>(self.texels.as_ptr().wrapping_add(at).cast());
+            isa::fetch::<1>(self.texels.as_ptr().wrapping_add(at + self.width as usize).cast());
+        }
         let (mut upper, mut lower, mut per_steradian) = ([0.0; N], [0.0; N], [0.0; N]);
         for i in 0..N {
             let row = cells.row[i] as usize;
