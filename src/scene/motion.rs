@@ -139,10 +139,11 @@ pub fn between(from: &Affine3A, to: &Affine3A, fraction: f32) -> Affine3A {
 
 impl Track {
     /// Points of a part, less one, at which its volume (determinant) is looked at. A polynomial of third degree on [0, 1] bends by at most
-    /// 96 times its largest value (Markov), so between two of them it strays by 96/(8·16²) = 3/64 of that at most.
+    /// 96 times its largest value (Markov), so between two of them it strays by 96/(8·16²) = 3/64 of that at most, and that is no more
+    /// than 64/61 of the largest that is seen. What is looked at is 61/(64·15) of it or more, so all of it is above a 64th.
     const LOOKS: usize = 16;
-    /// Share of the largest volume of a part below which it may not fall: above 3/64.
-    const LEAST_VOLUME: f64 = 1.0 / 16.0;
+    /// Share of the largest volume seen on a part below which none seen may fall.
+    const LEAST_VOLUME: f64 = 1.0 / 15.0;
 
     /// Why rays cannot be taken along this way: a pose that is not finite, or one without an inverse on the way.
     pub fn problem(&self) -> Option<&'static str> {

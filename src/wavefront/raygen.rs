@@ -39,7 +39,8 @@ pub fn run<S: Scheme>(context: &Context, chunk: &Chunk, wave: &mut Wave) {
     let (len, columns) = (chunk.len(), u64::from(context.plan.resolution.0));
     wave.current.len = len;
     if context.plan.features.shutter {
-        wave.times.resize(wave.sums.gathered.len(), 0.0);
+        // Whole blocks: lanes that are not in use have slots too.
+        wave.times.resize(wave.sums.gathered.len().next_multiple_of(LANES), 0.0);
     }
     let mut cursor = Cursor { pixel: 0, sample: 0 };
     let near = context.camera_steps.iter().fold(context.camera.near(), |near, step| near.max(step.near()));

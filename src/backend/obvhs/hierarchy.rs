@@ -140,19 +140,25 @@ fn reach_of(scene: Bounds) -> DVec3 {
 /// World box of an instance, grown so that no ray that hits its mesh in object space misses it: taking a ray there and
 /// testing it costs at most 16 roundings of terms no larger than |object_from_world| · reach.
 fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds {
+    bounds_with_room(placement, mesh, reach, 1.0)
+}
+
+/// [`instance_bounds`] with `room` times the rounding.
+fn bounds_with_room(placement: &Placement, mesh: Bounds, reach: DVec3, room: f64) -> Bounds {
     let world = DAffine3::from_cols_array(&placement.world_from_object.to_cols_array().map(f64::from));
     let object = DAffine3::from_cols_array(&placement.object_from_world.to_cols_array().map(f64::from));
     let (lo, hi) = (mesh.lo.as_dvec3(), mesh.hi.as_dvec3());
     let unit_roundoff = 0.5 * f64::from(f32::EPSILON);
-    let rounding = 16.0 * unit_roundoff * (object.matrix3.abs() * reach + object.translation.abs());
+    let rounding = room * 16.0 * unit_roundoff * (object.matrix3.abs() * reach + object.translation.abs());
     let half = world.matrix3.abs() * (0.5 * (hi - lo) + rounding);
     let center = world.transform_point3(0.5 * lo + 0.5 * hi);
     Bounds { lo: (center - half).as_vec3(), hi: (center + half).as_vec3() }.grown(glam::Vec3::ZERO)
 }
 
 /// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold them. Inverses
-/// between two poses may be larger than theirs, but not 64 times (`scene::motion::Track::problem`).
+/// between two poses may be larger than theirs: by up to 64 times for turns and changes of size (`scene::motion::Track::problem`); a
+/// shear that changes by more than 700 times within a part is beyond this.
 fn moving_bounds(steps: &[Placement], mesh: Bounds, reach: DVec3) -> Bounds {
-    let boxes = steps.iter().map(|step| instance_bounds(step, mesh, reach * 64.0));
+    let boxes = steps.iter().map(|step| bounds_with_room(step, mesh, reach, 64.0));
     boxes.fold(Bounds::EMPTY, Bounds::union)
 }

@@ -39,12 +39,11 @@ static KEPT: [[u8; 8]; 256] = {
     table
 };
 
-/// [`flight::run`] with AVX-512 if `wide` (only where [`crate::math::isa::has_avx512`] is true), else with the baseline.
+/// [`flight::run`] with AVX-512 if `wide` and the processor has it, else with the baseline.
 pub(super) fn run<G: Goal>(wide: bool, hierarchy: &Hierarchy, blocks: &mut [G::Block], len: usize) -> u64 {
     #[cfg(target_arch = "x86_64")]
-    if wide {
-        debug_assert!(crate::math::isa::has_avx512());
-        // SAFETY: the processor has the extensions, as the caller says.
+    if wide && crate::math::isa::has_avx512() {
+        // SAFETY: the processor has the extensions.
         return unsafe { avx512::run::<G>(hierarchy, blocks, len) };
     }
     let _ = wide;

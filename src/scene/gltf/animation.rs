@@ -73,7 +73,7 @@ impl<'d> Animations<'d> {
         let mut keys = HashMap::new();
         for animation in 0..listed.len() {
             let pointer = format!("/animations/{animation}");
-            let name = name_of(&listed[animation], animation);
+            let name = one_line(&name_of(&listed[animation], animation));
             for place in 0..document.array(&format!("{pointer}/channels"))?.len() {
                 let reader = ChannelReader { document, animation: pointer.clone(), place };
                 match reader.target()? {
@@ -90,10 +90,10 @@ impl<'d> Animations<'d> {
         Ok(animations)
     }
 
+    /// Channels of one animation follow one another.
     fn leave_out(&mut self, what: String) {
-        let unmoved = Unmoved { what, why: "morph targets are not simulated".into() };
-        if !self.unmoved.contains(&unmoved) {
-            self.unmoved.push(unmoved);
+        if self.unmoved.last().is_none_or(|last| last.what != what) {
+            self.unmoved.push(Unmoved { what, why: "morph targets are not simulated".into() });
         }
     }
 

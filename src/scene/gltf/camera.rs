@@ -8,6 +8,7 @@ use gltf::json::camera::Type;
 
 use super::super::{Camera, Projection};
 use super::document::Document;
+use super::json::one_line;
 use super::moving::to_f32;
 use super::node::Placed;
 use crate::error::Result;
@@ -62,7 +63,11 @@ pub(super) fn read(document: &Document, node: &Placed, index: usize, origin: DVe
         document.error(&node.pointer, "expected a node with an orientation for its camera, found a scale of zero")
     })?;
     Ok(Camera {
-        name: camera.name.or_else(|| node.name.clone()).unwrap_or_else(|| format!("camera {index}")),
+        name: camera
+            .name
+            .as_ref()
+            .or(node.name.as_ref())
+            .map_or_else(|| format!("camera {index}"), |name| one_line(name)),
         world_from_camera,
         projection,
     })
@@ -70,8 +75,13 @@ pub(super) fn read(document: &Document, node: &Placed, index: usize, origin: DVe
 
 /// Camera to world of a camera whose node is at `world_from_node`; `None` where that has no orientation.
 pub(super) fn placed(world_from_node: &DAffine3, origin: DVec3) -> Option<Affine3A> {
-    let matrix3 = rigid(world_from_node.matrix3)?;
-    Some(to_f32(&DAffine3 { matrix3, translation: world_from_node.translation - origin }))
+    let pose = rigid_pose(world_from_node)?;
+    Some(to_f32(&DAffine3 { translation: pose.translation - origin, ..pose }))
+}
+
+/// `world_from_node` without its scale; `None` where that has no orientation.
+pub(super) fn rigid_pose(world_from_node: &DAffine3) -> Option<DAffine3> {
+    Some(DAffine3 { matrix3: rigid(world_from_node.matrix3)?, translation: world_from_node.translation })
 }
 
 /// The rotation that looks along the same −Z with the same up direction.

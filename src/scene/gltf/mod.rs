@@ -110,7 +110,10 @@ impl Scene {
 /// The track of the camera of that number, if its node moves along `way` and has an orientation everywhere.
 fn camera_track(index: usize, way: &[DAffine3], origin: DVec3) -> Option<Track> {
     let steps: Vec<_> = way.iter().map(|pose| camera::placed(pose, origin)).collect::<Option<_>>()?;
-    steps.iter().any(|step| *step != steps[0]).then_some(Track { index, steps })
+    let track = Track { index, steps };
+    // A node that carries a mesh as well is judged by the mesh.
+    let moves = track.steps.iter().any(|step| *step != track.steps[0]) && track.problem().is_none();
+    moves.then_some(track)
 }
 
 /// The meshes in use: one for each primitive, grouped by the glTF mesh that holds them.

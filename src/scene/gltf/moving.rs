@@ -8,8 +8,9 @@
 use glam::{Affine3A, DAffine3, DVec3};
 
 use super::super::motion::{MOST_PARTS, Motion, Off, Shutter, Track, Unmoved};
-use super::Meshes;
+use super::json::one_line;
 use super::node::Placed;
+use super::{Meshes, camera};
 
 /// Times at which animated nodes are posed: the ends of all parts and the middles between them.
 pub(super) const LOOKS: usize = 2 * MOST_PARTS + 1;
@@ -47,7 +48,7 @@ fn way(node: &Placed, meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
     if still {
         return None;
     }
-    let name = node.name.clone().unwrap_or_else(|| node.pointer.clone());
+    let name = one_line(node.name.as_ref().unwrap_or(&node.pointer));
     let mut leave_out = |what: String, why: &str| motion.unmoved.push(Unmoved { what, why: why.into() });
     if node.light.is_some() {
         leave_out(
@@ -56,6 +57,10 @@ fn way(node: &Placed, meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
         );
     }
     let corners = corners(node, meshes)?;
+    // A camera that carries nothing else moves without the scale of its node.
+    let rigid: Option<Vec<DAffine3>> = (node.camera.is_some() && node.mesh.is_none())
+        .then(|| poses.iter().map(|pose| camera::rigid_pose(pose).unwrap_or(*pose)).collect());
+    let poses = rigid.as_deref().unwrap_or(poses);
     let size = size(&corners, poses);
     let mut parts = 1;
     let (way, off) = loop {
@@ -77,7 +82,8 @@ fn way(node: &Placed, meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
     Some(way)
 }
 
-/// Corners of what a node carries, in its space; of a camera the corners of a cube of 2 m. `None` where there is nothing to see.
+/// Corners of what a node carries, in its space; of a camera the corners of a cube of 2 m, whatever the scene's size (so its eye is
+/// within 4 mm of its way). `None` where there is nothing to see.
 fn corners(node: &Placed, meshes: &Meshes) -> Option<Vec<DVec3>> {
     let ids = node.mesh.and_then(|mesh| meshes.of_gltf_mesh.get(&mesh)).map_or(&[][..], Vec::as_slice);
     let positions = ids.iter().flat_map(|id| &meshes.list[id.index()].positions);

@@ -44,7 +44,8 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
         if ids.is_empty() {
             continue;
         }
-        document.charge(ids.len(), &node.pointer)?;
+        // Every instance has the poses of its node.
+        document.charge(ids.len() * (1 + way.map_or(0, Vec::len)), &node.pointer)?;
         let linear = node.world_from_node.matrix3.as_mat3();
         if !linear.is_finite() {
             return Err(

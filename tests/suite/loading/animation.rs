@@ -55,6 +55,34 @@ fn expect(got: DVec3, expected: DVec3) {
     assert!(got.distance(expected) < 1e-6 * (1.0 + expected.length()), "{got}, expected {expected}");
 }
 
+/// A camera under a parent that enlarges a hundredfold turns by 100°: it moves rigidly, so its way is judged in metres of its own. One
+/// whose parent flattens it so that it turns about between two looks stands still. Names are told on one line.
+#[test]
+fn cameras_turn_without_the_scale_of_their_parents() {
+    let turning = |scale: [f32; 3]| {
+        let mut fixture = Fixture::quad();
+        let nodes = fixture.json["nodes"].as_array_mut().expect("an array");
+        nodes[1]["name"] = json!("a\nb\u{1b}[31m");
+        nodes.push(json!({"scale": scale, "children": [1]}));
+        fixture.json["scenes"][0]["nodes"] = json!([0, 2]);
+        let sin = 50f32.to_radians().sin();
+        let turn = [0.0, 0.0, 0.0, 1.0, sin, 0.0, 0.0, (1.0 - sin * sin).sqrt()];
+        add_animation(&mut fixture, 1, "rotation", "LINEAR", (&[0.0, 1.0], &turn, "VEC4"));
+        load(&fixture, 0.0, 1.0)
+    };
+    let scene = turning([100.0; 3]);
+    let track = scene.motion.of_camera(0).expect("the camera moves");
+    assert!(track.problem().is_none() && track.steps.len() > 2, "{track:?}");
+    let off = scene.motion.off.as_ref().expect("a turn is not straight");
+    // A 1024th of the diagonal of a cube of 2 m in any position.
+    assert!(off.distance_m > 1e-4 && off.distance_m < 6e-3, "{off:?}");
+
+    let scene = turning([1.0, 1.0, 1000.0]);
+    assert!(scene.motion.of_camera(0).is_none());
+    let told = [&off.name, &scene.cameras[0].name, &scene.motion.unmoved[0].what];
+    assert!(told.iter().all(|name| !name.contains(char::is_control)), "{told:?}");
+}
+
 #[test]
 fn translations_follow_their_interpolation() {
     let (keys, values) = ([0.5, 1.5, 2.0], [0.0, 0.0, 0.0, 4.0, 2.0, 0.0, 4.0, 2.0, -8.0]);
