@@ -1,5 +1,5 @@
 //! Rays through an eight-wide hierarchy: the `obvhs` crate clusters, our own code folds and walks, leaves are tested by our
-//! watertight test. No C library. Every query mode is traced the same way, thirty-two rays at a time ([`flight`]); `BackendInfo` says
+//! watertight test. No C library. Every query mode is traced the same way, thirty-two rays at a time (`flight.rs`); `BackendInfo` says
 //! "single", for no ray knows of another.
 //!
 //! Boxes are grown, zero direction components made finite, copies and degenerate triangles dropped (HARDCASES §5.3):
@@ -99,7 +99,7 @@ impl Backend for Obvhs {
         isa::run::<Nearest>(self.wide, &self.hierarchy, blocks, len)
     }
 
-    fn any_hit(&self, blocks: &mut [RayBlock], len: usize, __hint: Coherence) -> u64 {
+    fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
         isa::run::<Blocked>(self.wide, &self.hierarchy, blocks, len)
     }
 }
