@@ -40,6 +40,9 @@ const SPP: u64 = 4;
 /// Counts of one scene differ by less, per sample: the pool's waiting is counted with the work.
 const NOISE: f64 = 3.0;
 
+/// Times that the base scene is counted anew where two counts of it differ by more.
+const REPEATS: u32 = 3;
+
 /// Largest part by which things that do nothing, and the code of today, may be dearer.
 const NOTHING: f64 = 1e-3;
 const BASELINE_SLACK: f64 = 1e-2;
@@ -350,7 +353,19 @@ fn measure(rows: &[&Row], folder: &Path) -> BTreeMap<(String, String), Count> {
             });
         }
     });
-    results.into_inner().expect("no thread panicked")
+    let mut results = results.into_inner().expect("no thread panicked");
+    // A busy machine adds to a count (a thread that waits for its work spins) and takes nothing away: the least of some is the count.
+    let [base, again] = ["", "again"].map(|forced| ("base".to_string(), forced.to_string()));
+    for _ in 0..REPEATS {
+        if (results[&base].instructions - results[&again].instructions).abs() <= NOISE {
+            break;
+        }
+        for key in [&base, &again] {
+            let (least, anew) = (results[key], count(&key.0, &key.1, folder));
+            results.insert(key.clone(), if anew.instructions < least.instructions { anew } else { least });
+        }
+    }
+    results
 }
 
 /// Compiler and valgrind: counts under others are not comparable.
