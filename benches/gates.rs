@@ -2,8 +2,8 @@
 //! `make gates` runs it; not a criterion bench, because counts of instructions repeat and times do not.
 //!
 //! Every row is a pair of small scenes, without and with one effect, rendered under callgrind (obvhs backend, one thread,
-//! the code that ships). Only the thread that renders is counted, so reading, building and starting are not in it. The
-//! same scene gives the same count to about one instruction per sample. Held to:
+//! the code that ships). Only the work on tiles is counted, so reading, building, starting and waiting are not in it. The
+//! same scene gives the same count, mostly to the instruction. Held to:
 //!
 //! * a scene full of things that do nothing (materials that are placed nowhere, a black environment, a dark light, unread
 //!   textures and texture coordinates) costs what it costs without them, within 0.1 % (HARDCASES §7.4);
@@ -37,11 +37,12 @@ use pathspace::scene::{
 const SIDE: u32 = 32;
 const SPP: u64 = 4;
 
-/// Counts of one scene differ by less, per sample: the pool's waiting is counted with the work.
-const NOISE: f64 = 3.0;
+/// What is counted: the work on tiles. The pool's waiting, which depends on how busy the machine is, lies outside.
+const COUNTED: &str = "*::run_tile";
 
-/// Times that the base scene is counted anew where two counts of it differ by more.
-const REPEATS: u32 = 3;
+/// Counts of one scene differ by less, per sample: a worker that meets another thread at a lock turns round some 100
+/// times, which is 2800 instructions, or 0.7 per sample, each time.
+const NOISE: f64 = 3.0;
 
 /// Largest part by which things that do nothing, and the code of today, may be dearer.
 const NOTHING: f64 = 1e-3;
@@ -309,6 +310,7 @@ fn count(name: &str, forced: &str, folder: &Path) -> Count {
     let out = folder.join(format!("{name}+{forced}"));
     let output = Command::new("valgrind")
         .args(["-q", "--tool=callgrind", "--separate-threads=yes"])
+        .arg(format!("--toggle-collect={COUNTED}"))
         .arg(format!("--callgrind-out-file={}", out.display()))
         .arg(std::env::current_exe().expect("a running program has a path"))
         .args(["--child", name, forced])
@@ -320,14 +322,16 @@ fn count(name: &str, forced: &str, folder: &Path) -> Count {
     let (Some(rays), Some(hash)) = (rays.and_then(|w| w.parse::<f64>().ok()), hash) else {
         panic!("{name} under callgrind: {}", String::from_utf8_lossy(&output.stderr));
     };
-    // One file per thread; the first thread builds and waits, of the others the busiest one rendered.
+    // One file per thread, empty but for the one that rendered.
     let threads = (2..=9).filter_map(|thread| {
         let text = fs::read_to_string(format!("{}-{thread:02}", out.display())).ok()?;
         text.lines().find_map(|line| line.strip_prefix("summary:")?.trim().parse::<f64>().ok())
     });
+    let instructions = threads.fold(0.0, f64::max);
+    assert!(instructions > 0.0, "{name} under callgrind: nothing is named {COUNTED}");
     let samples = f64::from(SIDE * SIDE) * SPP as f64;
     Count {
-        instructions: threads.fold(0.0, f64::max) / samples,
+        instructions: instructions / samples,
         rays: rays / samples,
         hash: u64::from_str_radix(hash, 16).expect("a hash in hexadecimal"),
     }
@@ -353,22 +357,7 @@ fn measure(rows: &[&Row], folder: &Path) -> BTreeMap<(String, String), Count> {
             });
         }
     });
-    let mut results = results.into_inner().expect("no thread panicked");
-    // A busy machine adds to a count (a thread that waits for its work spins) and takes nothing away: the least of some is the count.
-    let [base, again] = ["", "again"].map(|forced| ("base".to_string(), forced.to_string()));
-    for _ in 0..REPEATS {
-        if (results[&base].instructions - results[&again].instructions).abs() <= NOISE {
-            break;
-        }
-        for key in [&base, &again] {
-            let (least, anew) = (results[key], count(&key.0, &key.1, folder));
-            results.insert(key.clone(), if anew.instructions < least.instructions { anew } else { least });
-        }
-    }
-    // Rows are held against the lesser of the two: what is forced upon the scene may cost next to nothing more.
-    let least = results[&base].instructions.min(results[&again].instructions);
-    results.get_mut(&base).expect("it was counted").instructions = least;
-    results
+    results.into_inner().expect("no thread panicked")
 }
 
 /// Compiler and valgrind: counts under others are not comparable.

@@ -115,6 +115,8 @@ impl<'r> Workers<'r> {
     }
 
     /// Renders one tile's samples of a pass: takes the tile's pixels from the film, continues their sums, puts them back.
+    /// A function in the machine code as well: `make gates` counts what runs within it.
+    #[inline(never)]
     fn run_tile(&self, pass: &Pass, tile: &Tile) {
         let plan = &self.renderer.plan;
         let mut wave = self
