@@ -7,8 +7,7 @@
 
 use glam::Vec3;
 
-/// Lanes of one block.
-pub const LANES: usize = 16;
+pub use crate::math::lanes::LANES;
 
 /// `tfar` of a ray that any-hit found blocked.
 pub const BLOCKED: f32 = f32::NEG_INFINITY;

@@ -1,14 +1,17 @@
 //! Ray queries behind one trait. A backend sees geometry and rays; it never sees materials, lights or the plan.
 //!
-//! Four stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust), [`flat`] (scenes of few
-//! faces, without a hierarchy) and `embree` (Debian's library, feature `embree`).
+//! Five stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust), [`flat`] (scenes of few
+//! faces, without a hierarchy), [`joint`] (a few large faces by `flat`, the rest by `obvhs`) and `embree` (Debian's library,
+//! feature `embree`).
 
 pub mod batch;
+mod bounds;
 pub mod brute;
 #[cfg(feature = "embree")]
 #[allow(unsafe_code)] // Fence 1 of 5: the Embree API.
 pub mod embree;
 pub mod flat;
+pub mod joint;
 pub mod obvhs;
 pub mod triangle;
 
@@ -16,7 +19,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::error::Result;
-use crate::scene::geometry::Geometry;
+use crate::scene::geometry::{Geometry, TriangleMesh};
 use batch::{RayBlock, RayHitBlock};
 
 /// Whether neighbouring rays of a batch run alike. A hint: the hits do not depend on it.
@@ -75,6 +78,8 @@ pub enum BackendKind {
     Obvhs,
     /// Sixteen rays at a time against every face, without a hierarchy: small scenes only.
     Flat,
+    /// Large faces as [`Flat`](BackendKind::Flat), the rest by [`Obvhs`](BackendKind::Obvhs).
+    FlatObvhs,
     /// Every ray against every triangle.
     Brute,
 }
@@ -86,12 +91,14 @@ impl BackendKind {
             BackendKind::Embree => "embree",
             BackendKind::Obvhs => "obvhs",
             BackendKind::Flat => "flat",
+            BackendKind::FlatObvhs => "flat+obvhs",
             BackendKind::Brute => "brute",
         }
     }
 
     /// Every backend, in the order of the help text.
-    pub const ALL: [BackendKind; 4] = [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Flat, BackendKind::Brute];
+    pub const ALL: [BackendKind; 5] =
+        [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Flat, BackendKind::FlatObvhs, BackendKind::Brute];
 
     /// Whether this build has the backend and it can trace `geometry`.
     pub fn traces(self, geometry: &Geometry) -> bool {
@@ -103,14 +110,21 @@ impl BackendKind {
 
     /// The fastest backend of this build for `geometry`.
     pub fn fastest(geometry: &Geometry) -> BackendKind {
-        if flat::suits(geometry) { BackendKind::Flat } else { BackendKind::available()[0] }
+        if flat::suits(geometry) {
+            return BackendKind::Flat;
+        }
+        let first = BackendKind::available()[0];
+        // Built faster and as good on small meshes; nothing to choose in a build without it.
+        let is_large = || joint::MESHES.contains(&geometry.triangles.len());
+        let divided = (first != BackendKind::Embree || is_large()) && joint::suits(geometry);
+        if divided { BackendKind::FlatObvhs } else { first }
     }
 
     /// Whether the backend can be held to instruction set `isa`, given a processor that has it.
     pub fn pins(self, isa: &str) -> bool {
         match self {
             BackendKind::Embree => true,
-            BackendKind::Obvhs => matches!(isa, "avx2" | "avx512"),
+            BackendKind::Obvhs | BackendKind::FlatObvhs => matches!(isa, "avx2" | "avx512"),
             BackendKind::Flat | BackendKind::Brute => false,
         }
     }
@@ -118,9 +132,9 @@ impl BackendKind {
     /// The backends of this build that trace any scene, fastest first.
     pub fn available() -> &'static [BackendKind] {
         if cfg!(feature = "embree") {
-            &[BackendKind::Embree, BackendKind::Obvhs, BackendKind::Brute]
+            &[BackendKind::Embree, BackendKind::Obvhs, BackendKind::FlatObvhs, BackendKind::Brute]
         } else {
-            &[BackendKind::Obvhs, BackendKind::Brute]
+            &[BackendKind::Obvhs, BackendKind::FlatObvhs, BackendKind::Brute]
         }
     }
 }
@@ -128,13 +142,10 @@ impl BackendKind {
 impl FromStr for BackendKind {
     type Err = String;
     fn from_str(s: &str) -> std::result::Result<Self, String> {
-        match s {
-            "embree" => Ok(BackendKind::Embree),
-            "obvhs" => Ok(BackendKind::Obvhs),
-            "flat" => Ok(BackendKind::Flat),
-            "brute" => Ok(BackendKind::Brute),
-            _ => Err(format!("'{s}' is not one of embree, obvhs, flat, brute")),
-        }
+        BackendKind::ALL
+            .into_iter()
+            .find(|kind| kind.name() == s)
+            .ok_or_else(|| format!("'{s}' is not one of {}", BackendKind::ALL.map(BackendKind::name).join(", ")))
     }
 }
 
@@ -230,6 +241,8 @@ pub trait Backend: Send + Sync {
 /// # Errors
 /// [`Error::Backend`](crate::Error::Backend) when the library is not in this build or refuses.
 pub fn build(kind: BackendKind, geometry: &Geometry, options: &BackendOptions) -> Result<Box<dyn Backend>> {
+    let none = TriangleMesh::default();
+    let world = geometry.meshes.first().unwrap_or(&none);
     match kind {
         #[cfg(feature = "embree")]
         BackendKind::Embree => Ok(Box::new(embree::Embree::build(geometry, options)?)),
@@ -238,8 +251,9 @@ pub fn build(kind: BackendKind, geometry: &Geometry, options: &BackendOptions) -
             backend: "embree",
             problem: "this build has no Embree (cargo feature `embree` is off); use --backend obvhs".into(),
         }),
-        BackendKind::Obvhs => Ok(Box::new(obvhs::Obvhs::build(geometry, options)?)),
+        BackendKind::Obvhs => Ok(Box::new(obvhs::Obvhs::build(geometry, world, options)?)),
         BackendKind::Flat => Ok(Box::new(flat::Flat::build(geometry, options)?)),
+        BackendKind::FlatObvhs => Ok(Box::new(joint::Joint::build(geometry, options)?)),
         BackendKind::Brute => Ok(Box::new(brute::Brute::build(geometry))),
     }
 }

@@ -196,7 +196,8 @@ pub struct SettingsArgs {
     /// Worker threads [default: as many as the process may use: affinity mask, cgroup, SLURM_CPUS_PER_TASK]
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
     pub threads: Option<u32>,
-    /// Ray backend [default: flat for scenes of at most 64 faces, else the fastest of this build]
+    /// Ray backend [default: the fastest for the scene: flat for at most 64 faces, flat+obvhs for rooms with large meshes in them, else
+    /// the first of this build]
     #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
     pub backend: Option<BackendKind>,
     /// How rays are handed to the backend; auto lets the plan choose for each class of rays

@@ -135,7 +135,7 @@ pub fn check(args: &SettingsArgs) -> Result<()> {
         let name = backend.name();
         return refuse(
             "--isa",
-            format!("backend '{name}' has no {isa} to pin; 'embree' has all, 'obvhs' avx2 and avx512"),
+            format!("backend '{name}' has no {isa} to pin; 'embree' has all, 'obvhs' and 'flat+obvhs' avx2 and avx512"),
         );
     }
     if args.robust == Switch::Off && backend != BackendKind::Embree {

@@ -56,7 +56,7 @@ fn a_small_budget_keeps_waves_spread_over_the_frame() {
     assert!(count(&sample).iter().all(|rays| *rays >= 1000), "{:?}", count(&sample));
 }
 
-/// Oracle: `brute`, whose hits obvhs has bit for bit; Embree's differ by rounding only, so no ray of this closed box may
+/// Oracle: `brute`, whose hits obvhs has bit for bit; those of the others differ by rounding only, so no ray of this closed box may
 /// change from hit to miss or move by more than the stated tolerance.
 #[test]
 fn replays_meet_the_same_in_every_backend_and_mode() {
@@ -75,7 +75,8 @@ fn replays_meet_the_same_in_every_backend_and_mode() {
             let agreement = Agreement::of(&waves, &outcomes, &reference);
             assert_eq!(agreement.rays, reference.len() as u64);
             assert_eq!((agreement.hit_differs, agreement.distance_differs), (0, 0), "{} {mode}", kind.name());
-            assert!(kind == BackendKind::Embree || outcomes == reference, "{} {mode}", kind.name());
+            let is_exact = matches!(kind, BackendKind::Obvhs | BackendKind::Brute);
+            assert!(!is_exact || outcomes == reference, "{} {mode}", kind.name());
         }
     }
 

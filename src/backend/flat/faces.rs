@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 
 use crate::math::float::UNIT_ROUNDOFF;
-use crate::scene::geometry::{Geometry, TriangleMesh};
+use crate::scene::geometry::TriangleMesh;
 
 /// How far, over the largest coordinate, the fourth corner of a pair of triangles may lie from where a parallelogram has
 /// it: four roundings.
@@ -32,7 +32,7 @@ pub(super) struct Face<const N: usize> {
 
 /// What the hit of a face is computed from: a corner c and its neighbours a and b, with the winding c → a → b.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Corner {
     pub c: [f32; 3],
     /// a − c.
@@ -69,9 +69,7 @@ struct Triangle {
 
 impl Faces {
     /// Of the world mesh. Triangles without area and indices out of range are left out.
-    pub fn new(geometry: &Geometry) -> Self {
-        let none = TriangleMesh::default();
-        let mesh = geometry.meshes.first().unwrap_or(&none);
+    pub fn new(mesh: &TriangleMesh) -> Self {
         let all: Vec<Triangle> = mesh.traced().map(|(prim, v)| Triangle { prim, v }).collect();
         // The triangles at each edge as they turn around it, by the bits of its ends.
         let mut around: BTreeMap<Edge, Vec<usize>> = BTreeMap::new();
@@ -183,10 +181,9 @@ fn face<const N: usize>(corners: [Vec3; N], prim: [u32; 2], first: [u32; 2]) -> 
 mod tests {
     use super::*;
 
-    fn mesh(indices: &[[u32; 3]], lift: f32) -> Geometry {
+    fn mesh(indices: &[[u32; 3]], lift: f32) -> TriangleMesh {
         let vertices = vec![Vec3::ZERO, Vec3::X * 2.0, Vec3::new(2.0, 1.0, lift), Vec3::Y];
-        let mesh = TriangleMesh { vertices, indices: indices.to_vec(), first_triangle: 0 };
-        Geometry { meshes: vec![mesh], ..Geometry::default() }
+        TriangleMesh { vertices, indices: indices.to_vec(), first_triangle: 0 }
     }
 
     /// Oracle: a rectangle of two triangles, in every order of their vertices; bent or turned over it is none.
@@ -201,7 +198,7 @@ mod tests {
                 assert_eq!((faces.quads.len(), faces.triangles.len()), (1, 0), "{indices:?}");
                 let corner = &faces.corners[0];
                 let at = indices[0].map(|k| k as usize);
-                let (c, v) = (Vec3::from(corner.c), mesh(&indices, 0.0).meshes[0].vertices.clone());
+                let (c, v) = (Vec3::from(corner.c), mesh(&indices, 0.0).vertices);
                 let around = [c, c + Vec3::from(corner.ca), c + Vec3::from(corner.cb)];
                 assert_eq!(around[corner.first[0] as usize], v[at[0]]);
                 let around = [around[1] + around[2] - c, around[2], around[1]];

@@ -1,12 +1,14 @@
 //! Sixteen rays against all faces. Loops over lanes without branches; compiled for the build's baseline and for AVX-512 with the same
 //! bits, as every fused operation is written out.
 
+use bytemuck::cast_ref;
 use glam::DVec3;
 
 use super::faces::{Corner, Face, Faces};
 use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
 use crate::math::float::UNIT_ROUNDOFF;
 use crate::math::isa::Widened;
+use crate::math::isa::moves::Moves;
 use crate::math::lanes::lanes_of;
 
 /// "No face yet": the spare corner behind the last one is looked up instead.
@@ -47,13 +49,13 @@ impl Widened for Closest<'_> {
     type Output = u64;
 
     #[inline(always)]
-    fn run(self) -> u64 {
+    fn run<M: Moves>(self) -> u64 {
         let mut invalid = 0;
         for (index, block) in self.blocks.iter_mut().enumerate() {
             let lanes = (self.len - index * LANES).min(LANES);
             let valid = valid_lanes(&block.ray, lanes);
             invalid += lanes as u64 - u64::from(valid.count_ones());
-            closest(self.faces, block, valid);
+            closest::<M>(self.faces, block, valid);
         }
         invalid
     }
@@ -63,7 +65,7 @@ impl Widened for Any<'_> {
     type Output = u64;
 
     #[inline(always)]
-    fn run(self) -> u64 {
+    fn run<M: Moves>(self) -> u64 {
         let mut invalid = 0;
         for (index, block) in self.blocks.iter_mut().enumerate() {
             let lanes = (self.len - index * LANES).min(LANES);
@@ -132,47 +134,62 @@ fn pass<const N: usize>(face: &Face<N>, rays: &Rays, i: usize) -> Pass {
 }
 
 #[inline(always)]
-fn closest(faces: &Faces, block: &mut RayHitBlock, valid: u16) {
+fn closest<M: Moves>(faces: &Faces, block: &mut RayHitBlock, valid: u16) {
     let rays = Rays::new(faces, &block.ray);
     // `tfar` itself belongs to the segment. A ray that is not valid has no segment.
-    let (mut best, mut found) = ([0.0; LANES], [NOTHING; LANES]);
+    let mut met = Met { t: [0.0; LANES], face: [NOTHING; LANES] };
     for i in 0..LANES {
         let end = block.ray.tfar[i].next_up();
-        best[i] = if valid >> i & 1 != 0 { end } else { f32::NEG_INFINITY };
+        met.t[i] = if valid >> i & 1 != 0 { end } else { f32::NEG_INFINITY };
     }
-    let quads = faces.quads.len();
-    for (id, quad) in faces.quads.iter().enumerate() {
-        nearer(quad, &faces.exact[id], &rays, id as u32, &mut best, &mut found);
+    let (quads, triangles) = faces.exact.split_at(faces.quads.len());
+    for (first, (some, exact)) in (0u32..).step_by(SOME).zip(faces.quads.chunks(SOME).zip(quads.chunks(SOME))) {
+        met.nearest(some, exact, &rays, first);
     }
-    for (id, triangle) in (quads..).zip(&faces.triangles) {
-        nearer(triangle, &faces.exact[id], &rays, id as u32, &mut best, &mut found);
+    let first = faces.quads.len() as u32;
+    let triangles = faces.triangles.chunks(SOME).zip(triangles.chunks(SOME));
+    for (first, (some, exact)) in (first..).step_by(SOME).zip(triangles) {
+        met.nearest(some, exact, &rays, first);
     }
-    resolve(faces, block, &best, &found);
+    resolve::<M>(faces, block, &met);
 }
 
-/// Keeps `id` in the lanes that meet the face before what they met so far.
-#[inline(always)]
-fn nearer<const N: usize>(
-    face: &Face<N>,
-    corners: &[DVec3; 4],
-    rays: &Rays,
-    id: u32,
-    best: &mut Column,
-    found: &mut [u32; LANES],
-) {
-    let mut unsure = [0u32; LANES];
-    let tnear = &rays.ray.tnear;
-    for i in 0..LANES {
-        let pass = pass(face, rays, i);
-        let t = pass.height / pass.over;
-        let closer = pass.inside & (t >= tnear[i]) & (t < best[i]);
-        best[i] = if closer { t } else { best[i] };
-        found[i] = if closer { id } else { found[i] };
-        unsure[i] = u32::from(pass.unsure);
-    }
-    for i in marked(&unsure) {
-        if let Some(t) = meets::<N>(corners, rays.ray, i).filter(|&t| t >= tnear[i] && t < best[i]) {
-            (best[i], found[i]) = (t, id);
+/// Faces whose doubtful lanes are one number of 32 bits.
+const SOME: usize = 32;
+
+/// The nearest face of each lane so far.
+struct Met {
+    /// Distance.
+    t: Column,
+    /// Face, or [`NOTHING`].
+    face: [u32; LANES],
+}
+
+impl Met {
+    /// Meets [`SOME`] faces at most, the first of which has number `first`.
+    #[inline(always)]
+    fn nearest<const N: usize>(&mut self, faces: &[Face<N>], exact: &[[DVec3; 4]], rays: &Rays, first: u32) {
+        let mut unsure = [0u32; LANES];
+        let tnear = &rays.ray.tnear;
+        for (k, face) in (0u32..).zip(faces) {
+            for i in 0..LANES {
+                let pass = pass(face, rays, i);
+                let t = pass.height / pass.over;
+                let closer = pass.inside & (t >= tnear[i]) & (t < self.t[i]);
+                self.t[i] = if closer { t } else { self.t[i] };
+                self.face[i] = if closer { first + k } else { self.face[i] };
+                unsure[i] |= if pass.unsure { 1 << k } else { 0 };
+            }
+        }
+        for i in marked(&unsure) {
+            for k in (0..faces.len()).filter(|k| unsure[i] >> k & 1 != 0) {
+                // As if it had been met in its turn: of equal distances that of the lower face counts.
+                let (face, (best, found)) = (first + k as u32, (self.t[i], self.face[i]));
+                let is_nearer = |t: f32| t < best || (t == best && found != NOTHING && face < found);
+                if let Some(t) = meets::<N>(&exact[k], rays.ray, i).filter(|&t| t >= tnear[i] && is_nearer(t)) {
+                    (self.t[i], self.face[i]) = (t, face);
+                }
+            }
         }
     }
 }
@@ -181,12 +198,12 @@ fn nearer<const N: usize>(
 fn any(faces: &Faces, ray: &mut RayBlock, valid: u16) {
     let rays = Rays::new(faces, ray);
     let mut blocked = [0u32; LANES];
-    let quads = faces.quads.len();
-    for (id, quad) in faces.quads.iter().enumerate() {
-        blocks(quad, &faces.exact[id], &rays, &mut blocked);
+    let (quads, triangles) = faces.exact.split_at(faces.quads.len());
+    for (some, exact) in faces.quads.chunks(SOME).zip(quads.chunks(SOME)) {
+        blocks(some, exact, &rays, &mut blocked);
     }
-    for (id, triangle) in (quads..).zip(&faces.triangles) {
-        blocks(triangle, &faces.exact[id], &rays, &mut blocked);
+    for (some, exact) in faces.triangles.chunks(SOME).zip(triangles.chunks(SOME)) {
+        blocks(some, exact, &rays, &mut blocked);
     }
     for i in 0..LANES {
         let hit = (blocked[i] != 0) & (valid >> i & 1 != 0);
@@ -194,29 +211,34 @@ fn any(faces: &Faces, ray: &mut RayBlock, valid: u16) {
     }
 }
 
-/// Marks the lanes whose segment the face blocks. Not divided: heights are compared with those of the segment's ends.
+/// Marks the lanes whose segment one of the faces, [`SOME`] at most, blocks. Not divided: heights are compared with those of the
+/// segment's ends.
 #[inline(always)]
-fn blocks<const N: usize>(face: &Face<N>, corners: &[DVec3; 4], rays: &Rays, blocked: &mut [u32; LANES]) {
+fn blocks<const N: usize>(faces: &[Face<N>], exact: &[[DVec3; 4]], rays: &Rays, blocked: &mut [u32; LANES]) {
     let mut unsure = [0u32; LANES];
     let (tnear, tfar) = (&rays.ray.tnear, &rays.ray.tfar);
-    for i in 0..LANES {
-        let pass = pass(face, rays, i);
-        let height = if pass.over < 0.0 { -pass.height } else { pass.height };
-        let over = pass.over.abs();
-        let within = (height >= tnear[i] * over) & (height <= tfar[i] * over);
-        blocked[i] |= u32::from(pass.inside & within);
-        unsure[i] = u32::from(pass.unsure);
+    for (k, face) in faces.iter().enumerate() {
+        for i in 0..LANES {
+            let pass = pass(face, rays, i);
+            let height = if pass.over < 0.0 { -pass.height } else { pass.height };
+            let over = pass.over.abs();
+            let within = (height >= tnear[i] * over) & (height <= tfar[i] * over);
+            blocked[i] |= u32::from(pass.inside & within);
+            unsure[i] |= if pass.unsure { 1 << k } else { 0 };
+        }
     }
     for i in marked(&unsure) {
-        let hit = meets::<N>(corners, rays.ray, i).is_some_and(|t| t >= tnear[i] && t <= tfar[i]);
-        blocked[i] |= u32::from(hit);
+        for k in (0..faces.len()).filter(|k| unsure[i] >> k & 1 != 0) {
+            let hit = meets::<N>(&exact[k], rays.ray, i).is_some_and(|t| t >= tnear[i] && t <= tfar[i]);
+            blocked[i] |= u32::from(hit);
+        }
     }
 }
 
 /// The lanes with a mark, ascending. Seldom any.
 #[inline(always)]
 fn marked(marks: &[u32; LANES]) -> impl Iterator<Item = usize> {
-    lanes_of(marks.iter().enumerate().fold(0, |mask, (i, &mark)| mask | (mark as u16) << i))
+    lanes_of(marks.iter().enumerate().fold(0, |mask, (i, &mark)| mask | u16::from(mark != 0) << i))
 }
 
 /// Where a ray meets a face of `N` edges, in f64, by the triangles that it is made of.
@@ -233,57 +255,50 @@ fn meets<const N: usize>(&[c, a, d, b]: &[DVec3; 4], ray: &RayBlock, i: usize) -
 
 /// Distance and weights of the face that each lane found, relative to the ray's origin (Möller and Trumbore 1997).
 #[inline(always)]
-fn resolve(faces: &Faces, block: &mut RayHitBlock, best: &Column, found: &[u32; LANES]) {
+fn resolve<M: Moves>(faces: &Faces, block: &mut RayHitBlock, met: &Met) {
     let RayHitBlock { ray, hit } = block;
     let spare = faces.corners.len() - 1;
-    let mut corners = [&faces.corners[spare]; LANES];
-    for i in 0..LANES {
-        corners[i] = &faces.corners[(found[i] as usize).min(spare)];
+    let corner = |i: usize| &faces.corners[(met.face[i] as usize).min(spare)];
+    let mut rows = [cast_ref(corner(0)); LANES];
+    for (i, row) in rows.iter_mut().enumerate() {
+        *row = cast_ref(corner(i));
     }
-    let (mut alpha, mut beta, mut grazing) = ([0.0; LANES], [0.0; LANES], 0u16);
+    let [cx, cy, cz, ax, ay, az, bx, by, bz, nx, ny, nz, prim_1, prim_2, first_1, first_2] = M::transpose(rows);
+    let (mut t, mut alpha, mut beta, mut grazing) = (met.t, [0.0; LANES], [0.0; LANES], [0u32; LANES]);
     for i in 0..LANES {
-        let Corner { c, ca, cb, normal, .. } = corners[i];
         let d = [ray.dir_x[i], ray.dir_y[i], ray.dir_z[i]];
-        let s = [ray.org_x[i] - c[0], ray.org_y[i] - c[1], ray.org_z[i] - c[2]];
-        let p = cross(d, *cb);
-        let q = cross(s, *ca);
-        let scale = 1.0 / dot(*ca, p);
+        let s = [ray.org_x[i] - cx[i], ray.org_y[i] - cy[i], ray.org_z[i] - cz[i]];
+        let p = cross(d, [bx[i], by[i], bz[i]]);
+        let ca = [ax[i], ay[i], az[i]];
+        let q = cross(s, ca);
+        let scale = 1.0 / dot(ca, p);
         alpha[i] = dot(s, p) * scale;
         beta[i] = dot(d, q) * scale;
-        let oblique = (dot(*normal, d).abs() < GRAZING) & (found[i] != NOTHING);
-        grazing |= u16::from(oblique) << i;
+        let oblique = (dot([nx[i], ny[i], nz[i]], d).abs() < GRAZING) & (met.face[i] != NOTHING);
+        grazing[i] = u32::from(oblique);
     }
-    let mut t = *best;
-    for i in lanes_of(grazing) {
+    for i in marked(&grazing) {
         // Nothing to tell of a ray in the plane itself: the corner, at the distance that was found.
-        let (exact_t, a, b) = exact(corners[i], ray, i).unwrap_or((f64::from(best[i]), 0.0, 0.0));
+        let (exact_t, a, b) = exact(corner(i), ray, i).unwrap_or((f64::from(t[i]), 0.0, 0.0));
         (t[i], alpha[i], beta[i]) = (exact_t as f32, a as f32, b as f32);
     }
     let quads = faces.quads.len() as u32;
     for i in 0..LANES {
-        let is_hit = found[i] != NOTHING;
+        let is_hit = met.face[i] != NOTHING;
         // The point of the face that is nearest: roundings may put the hit beside it.
         let a = within(alpha[i], 1.0);
-        let b = within(beta[i], if found[i] < quads { 1.0 } else { 1.0 - a });
+        let b = within(beta[i], if met.face[i] < quads { 1.0 } else { 1.0 - a });
         let second = a + b > 1.0;
-        let (k, w) = if second { (1, [a + b - 1.0, 1.0 - a, 1.0 - b]) } else { (0, [1.0 - a - b, a, b]) };
-        let (prim, first) = (corners[i].prim[k], corners[i].first[k]);
-        let u = if first == 0 {
-            w[1]
-        } else if first == 1 {
-            w[2]
-        } else {
-            w[0]
-        };
-        let v = if first == 0 {
-            w[2]
-        } else if first == 1 {
-            w[0]
-        } else {
-            w[1]
-        };
-        hit.u[i] = u;
-        hit.v[i] = v;
+        // Weights of the triangle's corners (c, a, b), or (a + b − c, b, a).
+        let w_0 = if second { a + b - 1.0 } else { 1.0 - a - b };
+        let w_1 = if second { 1.0 - a } else { a };
+        let w_2 = if second { 1.0 - b } else { b };
+        let prim = if second { prim_2[i].to_bits() } else { prim_1[i].to_bits() };
+        let first = if second { first_2[i].to_bits() } else { first_1[i].to_bits() };
+        let u = if first == 2 { w_0 } else { w_2 };
+        let v = if first == 2 { w_1 } else { w_0 };
+        hit.u[i] = if first == 0 { w_1 } else { u };
+        hit.v[i] = if first == 0 { w_2 } else { v };
         hit.prim[i] = prim;
         hit.geom[i] = if is_hit { 0 } else { INVALID_ID };
         hit.inst[i] = INVALID_ID;

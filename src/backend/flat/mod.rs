@@ -26,7 +26,7 @@ use crate::scene::geometry::{Geometry, TriangleMesh};
 use crate::{Error, Result};
 
 /// Faces up to which this is faster than Embree. Time grows with their number, Embree's hardly.
-const MOST_FACES: usize = 64;
+pub(super) const MOST_FACES: usize = 64;
 
 /// Powers of two, metres, between which coordinates and sizes must lie: their squares, and those of a face a million times smaller,
 /// are numbers of f32.
@@ -45,19 +45,24 @@ pub struct Flat {
 
 /// Whether a scene can be traced here: one mesh, around the origin, of a size whose square f32 holds.
 pub fn can_trace(geometry: &Geometry) -> bool {
+    geometry.instances.is_empty() && geometry.meshes.first().is_some_and(in_range)
+}
+
+/// Whether a mesh lies around the origin and is of a size whose square f32 holds.
+pub(super) fn in_range(mesh: &TriangleMesh) -> bool {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for corner in geometry.meshes.iter().take(1).flat_map(TriangleMesh::traced).flat_map(|(_, corners)| corners) {
+    for corner in mesh.traced().flat_map(|(_, corners)| corners) {
         (low, high) = (low.min(corner), high.max(corner));
     }
     let size = (high - low).max_element();
     let far = low.abs().max(high.abs()).max_element();
-    geometry.instances.is_empty() && size >= SIZES_M.0 && far <= SIZES_M.1.min(2.0 * size)
+    size >= SIZES_M.0 && far <= SIZES_M.1.min(2.0 * size)
 }
 
 /// Whether this is the fastest way to trace a scene.
 pub fn suits(geometry: &Geometry) -> bool {
-    let triangles = geometry.meshes.first().map_or(0, |mesh| mesh.indices.len());
-    triangles <= 2 * MOST_FACES && can_trace(geometry) && Faces::new(geometry).count() <= MOST_FACES
+    let few = |mesh: &TriangleMesh| mesh.indices.len() <= 2 * MOST_FACES && Faces::new(mesh).count() <= MOST_FACES;
+    can_trace(geometry) && geometry.meshes.first().is_some_and(few)
 }
 
 impl Flat {
@@ -69,8 +74,13 @@ impl Flat {
         if !(can_trace(geometry) || geometry.meshes.iter().all(|mesh| mesh.indices.is_empty())) {
             return Err(Error::Backend { backend: "flat", problem: LIMITS.into() });
         }
-        let faces = Faces::new(geometry);
-        let wide = isa::has_avx512() && options.isa.is_none();
+        Ok(Flat::over(geometry.meshes.first().unwrap_or(&TriangleMesh::default()), options))
+    }
+
+    /// Prepares the faces of a mesh that is [`in_range`], or empty.
+    pub(super) fn over(mesh: &TriangleMesh, options: &BackendOptions) -> Self {
+        let faces = Faces::new(mesh);
+        let wide = isa::has_avx512() && options.isa.as_deref().is_none_or(|isa| isa == "avx512");
         let packet = QueryMode::Packet16.name();
         let info = BackendInfo {
             kind: BackendKind::Flat,
@@ -82,7 +92,7 @@ impl Flat {
             bvh_bytes: faces.bytes(),
             triangles: faces.triangles(),
         };
-        Ok(Flat { info, faces, wide })
+        Flat { info, faces, wide }
     }
 }
 

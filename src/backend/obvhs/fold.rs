@@ -7,7 +7,8 @@
 use super::node::Node;
 use super::reference::Reference;
 use super::stack::MAX_LEVELS;
-use super::tree::{Below, Bounds, Tree};
+use super::tree::{Below, Tree};
+use crate::backend::bounds::Bounds;
 
 /// Children of a node.
 const WIDTH: usize = 8;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::fold::fold;
@@ -10,9 +10,10 @@ use super::leaf::Block;
 use super::mesh::MeshTree;
 use super::node::Node;
 use super::reference::Reference;
-use super::tree::{Bounds, Tree};
+use super::tree::Tree;
+use crate::backend::bounds::{self, Bounds};
 use crate::math::isa;
-use crate::scene::geometry::{Geometry, Placement};
+use crate::scene::geometry::{Geometry, Placement, TriangleMesh};
 use crate::scene::placement::Moving;
 
 /// What the walk reads.
@@ -34,15 +35,17 @@ pub(super) struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Builds one hierarchy per mesh, on the threads of the current pool, and one over the instances.
-    pub fn build(geometry: &Geometry) -> Self {
+    /// Builds one hierarchy per mesh, on the threads of the current pool, and one over the instances. `world` stands for the
+    /// geometry's own world mesh.
+    pub fn build(geometry: &Geometry, world: &TriangleMesh) -> Self {
         let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
         // Only the world mesh lies in the scene's space; the others know no extent but their own.
         let diagonal = |mesh: usize| if mesh == 0 { scene.diagonal() } else { 0.0 };
-        let meshes: Vec<MeshTree> =
-            geometry.meshes.par_iter().enumerate().map(|(i, mesh)| MeshTree::build(mesh, diagonal(i))).collect();
+        let meshes: Vec<MeshTree> = (geometry.meshes.par_iter().enumerate())
+            .map(|(i, mesh)| MeshTree::build(if i == 0 { world } else { mesh }, diagonal(i)))
+            .collect();
         let bounds: Vec<Bounds> = meshes.iter().map(|mesh| mesh.bounds).collect();
-        let (nodes, top) = over_instances(geometry, &bounds, reach_of(scene));
+        let (nodes, top) = over_instances(geometry, &bounds, bounds::reach_of(scene));
 
         let mut all = Hierarchy {
             nodes: Vec::new(),
@@ -119,46 +122,11 @@ fn over_instances(geometry: &Geometry, meshes: &[Bounds], reach: DVec3) -> (Vec<
     for (i, placement) in geometry.instances.iter().enumerate() {
         let Some(&mesh) = meshes.get(placement.mesh as usize).filter(|mesh| !mesh.is_empty()) else { continue };
         placed.push(i);
-        boxes.push(match geometry.moving.steps(i as u32) {
-            [] => instance_bounds(placement, mesh, reach),
-            steps => moving_bounds(steps, mesh, reach),
-        });
+        boxes.push(bounds::of_instance(geometry, i, mesh, reach));
     }
     let items = || -> Vec<u32> { Range { start: 0, end: boxes.len() as u32 }.collect() };
     let folded = |tree: &Tree| fold(tree, 1, |item| Reference::instance(placed[item[0] as usize]));
     folded(&Tree::build(&boxes, items(), 1))
         .or_else(|| folded(&Tree::by_median(&boxes, items(), 1)))
         .expect("median splits of 2^31 boxes are 31 levels deep, fewer than the stack allows")
-}
-
-/// How large a coordinate or a distance of the scene may be, per axis, with the ray's origin in it or about it.
-fn reach_of(scene: Bounds) -> DVec3 {
-    let (lo, hi) = (scene.lo.as_dvec3(), scene.hi.as_dvec3());
-    if scene.is_empty() { DVec3::ZERO } else { lo.abs().max(hi.abs()) * 2.0 + (hi - lo) }
-}
-
-/// World box of an instance, grown so that no ray that hits its mesh in object space misses it: taking a ray there and
-/// testing it costs at most 16 roundings of terms no larger than |object_from_world| · reach.
-fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds {
-    bounds_with_room(placement, mesh, reach, 1.0)
-}
-
-/// [`instance_bounds`] with `room` times the rounding.
-fn bounds_with_room(placement: &Placement, mesh: Bounds, reach: DVec3, room: f64) -> Bounds {
-    let world = DAffine3::from_cols_array(&placement.world_from_object.to_cols_array().map(f64::from));
-    let object = DAffine3::from_cols_array(&placement.object_from_world.to_cols_array().map(f64::from));
-    let (lo, hi) = (mesh.lo.as_dvec3(), mesh.hi.as_dvec3());
-    let unit_roundoff = 0.5 * f64::from(f32::EPSILON);
-    let rounding = room * 16.0 * unit_roundoff * (object.matrix3.abs() * reach + object.translation.abs());
-    let half = world.matrix3.abs() * (0.5 * (hi - lo) + rounding);
-    let center = world.transform_point3(0.5 * lo + 0.5 * hi);
-    Bounds { lo: (center - half).as_vec3(), hi: (center + half).as_vec3() }.grown(glam::Vec3::ZERO)
-}
-
-/// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold them. Inverses
-/// between two poses may be larger than theirs: by up to 64 times for turns and changes of size (`scene::motion::Track::problem`); a
-/// shear that changes by more than 700 times within a part is beyond this.
-fn moving_bounds(steps: &[Placement], mesh: Bounds, reach: DVec3) -> Bounds {
-    let boxes = steps.iter().map(|step| bounds_with_room(step, mesh, reach, 64.0));
-    boxes.fold(Bounds::EMPTY, Bounds::union)
 }

@@ -9,7 +9,8 @@ use super::fold::fold;
 use super::leaf::{Block, LEAF_SIZE};
 use super::node::Node;
 use super::reference::Reference;
-use super::tree::{Bounds, Tree};
+use super::tree::Tree;
+use crate::backend::bounds::Bounds;
 use crate::backend::triangle::is_degenerate;
 use crate::scene::geometry::TriangleMesh;
 

@@ -31,13 +31,13 @@ mod node;
 mod ray;
 mod reference;
 mod stack;
-mod tree;
+pub(in crate::backend) mod tree;
 
 use crate::backend::batch::{RayBlock, RayHitBlock};
 use crate::backend::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
 use crate::error::{Error, Result};
 use crate::math;
-use crate::scene::geometry::Geometry;
+use crate::scene::geometry::{Geometry, TriangleMesh};
 use flight::{Blocked, Nearest};
 use hierarchy::Hierarchy;
 
@@ -56,11 +56,11 @@ pub struct Obvhs {
 }
 
 impl Obvhs {
-    /// Builds one hierarchy per mesh and one over the instances.
+    /// Builds one hierarchy per mesh and one over the instances. `world` stands for the geometry's own world mesh.
     ///
     /// # Errors
     /// [`Error::Backend`] if the build threads cannot be started, or the processor has not the instruction set that is asked for.
-    pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
+    pub fn build(geometry: &Geometry, world: &TriangleMesh, options: &BackendOptions) -> Result<Self> {
         let wide = math::isa::has_avx512();
         let wide = match options.isa.as_deref() {
             Some("avx512") if !wide => return refuse("this processor has no AVX-512".into()),
@@ -70,7 +70,7 @@ impl Obvhs {
             .num_threads(options.build_threads)
             .build()
             .or_else(|e| refuse(format!("cannot start build threads: {e}")))?;
-        let hierarchy = pool.install(|| Hierarchy::build(geometry));
+        let hierarchy = pool.install(|| Hierarchy::build(geometry, world));
         let single = QueryMode::Single.name();
         let info = BackendInfo {
             kind: BackendKind::Obvhs,
@@ -120,7 +120,8 @@ mod tests {
     #[test]
     fn every_mode_is_single() {
         for mode in QueryMode::ALL {
-            let backend = Obvhs::build(&Geometry::default(), &BackendOptions::with_mode(mode)).unwrap();
+            let backend =
+                Obvhs::build(&Geometry::default(), &TriangleMesh::default(), &BackendOptions::with_mode(mode)).unwrap();
             let info = backend.info();
             assert_eq!([info.rays_incoherent, info.rays_coherent, info.rays_shadow], ["single"; 3]);
         }

@@ -15,7 +15,7 @@ use super::isa::Isa;
 use super::ray::Record;
 use super::reference::Reference;
 use super::stack::Stack;
-use super::tree::Bounds;
+use crate::backend::bounds::Bounds;
 
 /// Exit distances are lengthened by 16 unit roundoffs (2⁻²⁴): the slab test rounds four times on each side and the triangle
 /// test shifts a plane by up to five more.

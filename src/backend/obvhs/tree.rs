@@ -10,61 +10,17 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;
 
+use crate::backend::bounds::Bounds;
+
 /// Levels of the binary tree.
 pub(super) const MAX_DEPTH: usize = 64;
 
 /// Boxes with one centre that the builder sees one by one; more become one box. They add at most this many levels.
 const MAX_TWINS: usize = 8;
 
-/// Axis-aligned box.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
-    pub lo: Vec3,
-    pub hi: Vec3,
-}
-
-impl Bounds {
-    pub const EMPTY: Bounds = Bounds { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
-
-    pub fn of(points: &[Vec3]) -> Self {
-        points.iter().fold(Self::EMPTY, |b, &p| b.union(Bounds { lo: p, hi: p }))
-    }
-
-    pub fn union(self, other: Self) -> Self {
-        Bounds { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
-    }
-
-    pub fn is_empty(self) -> bool {
-        !self.lo.cmple(self.hi).all()
-    }
-
-    /// Length of the diagonal in f64, where no square over- or underflows; 0 when empty.
-    pub fn diagonal(self) -> f64 {
-        if self.is_empty() { 0.0 } else { (self.hi.as_dvec3() - self.lo.as_dvec3()).length() }
-    }
-
-    /// Half the surface, the cost measure.
-    pub fn half_area(self) -> f32 {
-        let e = self.hi - self.lo;
-        e.x * e.y + e.y * e.z + e.z * e.x
-    }
-
-    /// Every side moved outward by `pad`, then by one ulp.
-    pub fn grown(self, pad: Vec3) -> Self {
-        let down = |x: Vec3| Vec3::new(x.x.next_down(), x.y.next_down(), x.z.next_down());
-        let up = |x: Vec3| Vec3::new(x.x.next_up(), x.y.next_up(), x.z.next_up());
-        Bounds { lo: down(self.lo - pad), hi: up(self.hi + pad) }
-    }
-
-    /// Halved first: the sum of two large coordinates may overflow.
-    pub fn center(self) -> Vec3 {
-        self.lo * 0.5 + self.hi * 0.5
-    }
-}
-
 /// What lies below a node.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Below {
+pub(in crate::backend) enum Below {
     /// Two nodes.
     Nodes(u32, u32),
     /// `order[first..first + count]`.
@@ -73,14 +29,14 @@ pub(super) enum Below {
 
 /// A node of the tree.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct TreeNode {
+pub(in crate::backend) struct TreeNode {
     pub bounds: Bounds,
     pub below: Below,
 }
 
 /// The hierarchy: the root is node 0, children follow their parents. Empty over no boxes.
 #[derive(Debug, Default)]
-pub(super) struct Tree {
+pub(in crate::backend) struct Tree {
     pub nodes: Vec<TreeNode>,
     /// Indices of boxes in leaf order.
     pub order: Vec<u32>,

@@ -35,10 +35,11 @@ pub(crate) enum Rule {
 }
 
 /// One line per backend: what it is held to. `brute` is held against f64, the others against `brute`.
-const RULES: [(BackendKind, Rule); 4] = [
+const RULES: [(BackendKind, Rule); 5] = [
     (BackendKind::Embree, Rule::Rounding),
     (BackendKind::Obvhs, Rule::Exact),
     (BackendKind::Flat, Rule::Rounding),
+    (BackendKind::FlatObvhs, Rule::Rounding),
     (BackendKind::Brute, Rule::Rounding),
 ];
 

@@ -1,5 +1,9 @@
 //! What the processor can do beyond the build's baseline.
 
+pub mod moves;
+
+use self::moves::{Baseline, Moves};
+
 /// Whether this processor has the AVX-512 extensions that the wavefront is compiled for a second time.
 #[cfg(target_arch = "x86_64")]
 pub fn has_avx512() -> bool {
@@ -32,8 +36,8 @@ pub fn name(wide: bool) -> &'static str {
 pub trait Widened {
     /// What comes out.
     type Output;
-    /// Computes it.
-    fn run(self) -> Self::Output;
+    /// Computes it, with the moves of the instruction set that it is compiled for.
+    fn run<M: Moves>(self) -> Self::Output;
 }
 
 /// Runs `work` as compiled for AVX-512 if `wide` and the processor has it, else for the baseline.
@@ -50,14 +54,14 @@ pub fn widest<W: Widened>(wide: bool, work: W) -> W::Output {
 
 #[inline(never)]
 fn baseline<W: Widened>(work: W) -> W::Output {
-    work.run()
+    work.run::<Baseline>()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx512vbmi,gfni")]
 fn avx512<W: Widened>(work: W) -> W::Output {
-    work.run()
+    work.run::<moves::Avx512>()
 }
 
 /// Bytes of a cache line.
