@@ -50,6 +50,8 @@ pub struct Report {
     pub agreement: AgreementReport,
     /// Render against bare rays.
     pub frame: Frame,
+    /// The frame's rays by the other backends, in their own best modes.
+    pub elsewhere: Vec<Elsewhere>,
     /// The scene.
     pub scene: SceneRecord,
     /// Backends that were not measured.
@@ -103,6 +105,17 @@ pub struct SceneRecord {
     pub triangles: u64,
 }
 
+/// The rays of the frame traced bare by another backend than the render's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Elsewhere {
+    /// Which.
+    pub name: &'static str,
+    /// Wall time with all threads by its best rate for each class, seconds.
+    pub bare_trace_s: f64,
+    /// That over the time of the render.
+    pub of_render: f64,
+}
+
 /// A backend that was not measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Skipped {
@@ -148,6 +161,7 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
 
     step("timing the frame against its bare rays");
     let frame = frame_figure(&renderer, &backends, &recording, &pools[pools.len() - 1], options.pairs)?;
+    let elsewhere = backends[1..].iter().map(|(_, rates)| elsewhere(rates, &frame)).collect();
     let agreement = agreement(&backends, &renderer, &recording);
     let processor = Processor::detect();
     Ok(Report {
@@ -155,6 +169,7 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
         backends: backends.into_iter().map(|(_, rates)| rates).collect(),
         agreement,
         frame,
+        elsewhere,
         scene: SceneRecord { file: scene.file.display().to_string(), triangles: scene.triangle_count() },
         skipped,
         pathspace: env!("CARGO_PKG_VERSION"),
@@ -178,6 +193,17 @@ fn agreement(backends: &[(BackendKind, BackendRates)], renderer: &Renderer, reco
         against.push(Against { name: rates.name, agreement: counts });
     }
     AgreementReport { total, distance_tolerance: DISTANCE_TOLERANCE, reference: reference.name, against }
+}
+
+/// The frame's rays by the rates of another backend.
+fn elsewhere(rates: &BackendRates, frame: &Frame) -> Elsewhere {
+    let time = |(class, count): (RayClass, u64)| {
+        let of_class = rates.rays.iter().filter(|rate| rate.class == class.name() && rate.threads == frame.threads);
+        let best = of_class.map(|rate| rate.mrays_per_s).fold(0.0, f64::max);
+        if count == 0 { 0.0 } else { count as f64 * 1e-6 / best }
+    };
+    let bare_trace_s = RayClass::ALL.into_iter().zip(frame.rays).map(time).sum();
+    Elsewhere { name: rates.name, bare_trace_s, of_render: bare_trace_s / frame.render_s }
 }
 
 /// The frame figure with the fastest mode of each class, by the rates with all threads.

@@ -163,6 +163,13 @@ fn frame(out: &mut String, report: &Report) {
         "            tracing efficiency {:.3} ({low:.3} to {high:.3} in {} pairs{cpu})",
         frame.tracing_efficiency, frame.pairs
     );
+    for other in &report.elsewhere {
+        let _ = writeln!(
+            out,
+            "            the same rays bare by {}, by its best rates: {:.3} s, {:.3} of the render",
+            other.name, other.bare_trace_s, other.of_render
+        );
+    }
     if let Some(share) = frame.processor_share.filter(|share| *share < BUSY) {
         let percent = 100.0 * share;
         let _ = writeln!(

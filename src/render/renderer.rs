@@ -101,8 +101,8 @@ impl<'a> Renderer<'a> {
         if plan.features.footprints {
             self.scene.textures.par_iter().for_each(|texture| texture.make_levels());
         }
-        self.camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
-        self.camera_steps = camera_steps(self.scene, &plan)?;
+        let camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        (self.camera, self.camera_steps) = (camera, camera_steps(self.scene, &plan)?);
         self.filter = FilterTable::new(plan.filter);
         self.plan = plan;
         Ok(())

@@ -119,6 +119,9 @@ fn the_report_has_the_keys_that_programs_read() {
     let efficiency = report["frame"]["tracing_efficiency"].as_f64().expect("a number");
     assert!(efficiency > 0.0 && efficiency < 1.5, "tracing efficiency {efficiency}");
     assert_eq!(report["agreement"]["hit_differs"], 0);
+    let elsewhere = report["elsewhere"].as_array().expect("a list");
+    assert_eq!(elsewhere.len(), BackendKind::available().len());
+    assert!(elsewhere.iter().all(|other| other["bare_trace_s"].as_f64().is_some_and(|s| s > 0.0)), "{elsewhere:?}");
 
     let backends = report["backends"].as_array().expect("a list");
     // Those that trace any scene, and `flat`, which this one is rendered with.
