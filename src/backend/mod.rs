@@ -114,8 +114,8 @@ impl BackendKind {
             return BackendKind::Flat;
         }
         let first = BackendKind::available()[0];
-        // Built faster and as good on small meshes; nothing to choose in a build without it.
-        let is_large = || joint::MESHES.contains(&geometry.triangles.len());
+        // Embree is as good on small meshes, and builds large ones sooner.
+        let is_large = || joint::TRIANGLES.contains(&geometry.triangles.len());
         let divided = (first != BackendKind::Embree || is_large()) && joint::suits(geometry);
         if divided { BackendKind::FlatObvhs } else { first }
     }
@@ -129,7 +129,7 @@ impl BackendKind {
         }
     }
 
-    /// The backends of this build that trace any scene, fastest first.
+    /// The backends of this build that trace any scene; the first is taken where the scene does not say otherwise.
     pub fn available() -> &'static [BackendKind] {
         if cfg!(feature = "embree") {
             &[BackendKind::Embree, BackendKind::Obvhs, BackendKind::FlatObvhs, BackendKind::Brute]

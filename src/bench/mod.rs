@@ -17,7 +17,7 @@ pub mod replay;
 
 use serde::Serialize;
 
-use crate::backend::{self, BackendKind, QueryMode};
+use crate::backend::{self, BackendKind, QueryMode, flat};
 use crate::error::{Error, Result};
 use crate::machine::Processor;
 use crate::render::{RenderOptions, Renderer};
@@ -147,7 +147,7 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
     let setup = Setup { geometry: renderer.geometry(), recording: &recording, pools: &pools, options: &asked };
     // The renderer's backend comes first: it is the reference of the others.
     let mut kinds = vec![plan.backend];
-    let small = Some(BackendKind::Flat).filter(|kind| *kind == BackendKind::fastest(renderer.geometry()));
+    let small = Some(BackendKind::Flat).filter(|_| flat::suits(renderer.geometry()));
     kinds.extend(BackendKind::available().iter().copied().chain(small).filter(|kind| *kind != plan.backend));
     let (mut backends, mut skipped) = (Vec::new(), Vec::new());
     for kind in kinds {

@@ -206,7 +206,7 @@ pub struct SettingsArgs {
     /// Embree's robust traversal; off is faster and loses rays at edges shared by triangles (the other backends have no such mode)
     #[arg(long, value_enum, default_value = "on", help_heading = "Machine")]
     pub robust: Switch,
-    /// Pin the instruction set of embree, or of obvhs (avx2 or avx512); the other backends have nothing to pin
+    /// Pin the instruction set of embree, or of obvhs and flat+obvhs (avx2 or avx512); the other backends have nothing to pin
     #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
     pub isa: Option<String>,
 
@@ -343,7 +343,7 @@ pub struct VerifyArgs {
     /// Worker threads [default: as many as the process may use]
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub threads: Option<u32>,
-    /// Ray backend of both [default: the fastest of this build]
+    /// Ray backend of both [default: embree, or obvhs in builds without it]
     #[arg(long, value_parser = backend_parser())]
     pub backend: Option<BackendKind>,
     /// Print JSON

@@ -112,12 +112,13 @@ pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
                         .map(|(_, flag, value)| format!("{flag} {value}"))
                         .collect();
                     let embree = backend == BackendKind::Embree;
+                    let pins = |isa: &String| backend.pins(isa);
                     let options = RenderOptions {
                         strategy,
                         sampler,
                         roulette: if differences[2].0 { roulette } else { base.roulette },
                         backend: Some(backend),
-                        isa: base.isa.clone().filter(|_| embree),
+                        isa: base.isa.clone().filter(pins),
                         robust: base.robust || !embree,
                         ..base.clone()
                     };

@@ -280,3 +280,30 @@ fn small_scenes_take_no_hierarchy() {
     }
     assert_eq!(taken(&builder.build(), options(8, 8, 1)), first, "65 faces");
 }
+
+/// Rooms with large meshes in them are divided; whoever asks for what only Embree has gets Embree. Small things, and large ones
+/// without a room, take the first backend of the build, which divides rooms of any size where it is not Embree.
+#[test]
+fn rooms_with_large_things_are_divided() {
+    let first = BackendKind::available()[0];
+    let plan = |scene: &Scene, options: RenderOptions| Renderer::new(scene, options).expect("renders").plan().backend;
+    let scene = |walls: bool, stacks: u32| {
+        let mut builder = SceneBuilder::new();
+        if walls {
+            room(&mut builder);
+        } else {
+            builder.camera(Vec3::Z * 3.0, Vec3::ZERO, Vec3::Y, 0.7);
+        }
+        let white = builder.lambert(Vec3::ONE);
+        builder.sphere(Vec3::ZERO, 0.3, stacks, false, false, white);
+        builder.build()
+    };
+    let large = scene(true, 100);
+    assert!(large.triangle_count() > 1 << 14);
+    assert_eq!(plan(&large, options(8, 8, 1)), BackendKind::FlatObvhs);
+    let rays = RenderOptions { rays: Some(QueryMode::Packet8), ..options(8, 8, 1) };
+    assert_eq!(plan(&large, rays), first);
+    assert_eq!(plan(&scene(false, 100), options(8, 8, 1)), first);
+    let small = if first == BackendKind::Obvhs { BackendKind::FlatObvhs } else { first };
+    assert_eq!(plan(&scene(true, 20), options(8, 8, 1)), small);
+}

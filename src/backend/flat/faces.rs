@@ -60,17 +60,25 @@ pub(super) struct Faces {
     pub reach: f32,
 }
 
-/// Three corners and the triangle that has them.
-#[derive(Clone, Copy)]
-struct Triangle {
-    prim: u32,
-    v: [Vec3; 3],
+/// A triangle and its corners.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::backend) struct Triangle {
+    /// Number in the mesh.
+    pub prim: u32,
+    pub v: [Vec3; 3],
+}
+
+impl Triangle {
+    /// Those of a mesh that can be traced.
+    pub fn of(mesh: &TriangleMesh) -> impl Iterator<Item = Self> {
+        mesh.traced().map(|(prim, v)| Triangle { prim, v })
+    }
 }
 
 impl Faces {
-    /// Of the world mesh. Triangles without area and indices out of range are left out.
-    pub fn new(mesh: &TriangleMesh) -> Self {
-        let all: Vec<Triangle> = mesh.traced().map(|(prim, v)| Triangle { prim, v }).collect();
+    /// Of triangles that can be traced.
+    pub fn new(triangles: &[Triangle]) -> Self {
+        let all = triangles;
         // The triangles at each edge as they turn around it, by the bits of its ends.
         let mut around: BTreeMap<Edge, Vec<usize>> = BTreeMap::new();
         for (i, triangle) in all.iter().enumerate() {
@@ -101,8 +109,14 @@ impl Faces {
         let corners = corners.chain([nothing]).collect();
         let (quads, triangles) =
             (quads.into_iter().map(|quad| quad.0).collect(), triangles.into_iter().map(|t| t.0).collect());
-        let reach = mesh.traced().flat_map(|(_, v)| v).map(|v| v.abs().element_sum()).fold(0.0, f32::max);
+        let reach = all.iter().flat_map(|triangle| triangle.v).map(|v| v.abs().element_sum()).fold(0.0, f32::max);
         Faces { quads, triangles, corners, exact, reach }
+    }
+
+    /// Of a mesh.
+    #[cfg(test)]
+    pub fn of(mesh: &TriangleMesh) -> Self {
+        Faces::new(&Triangle::of(mesh).collect::<Vec<_>>())
     }
 
     pub fn count(&self) -> usize {
@@ -194,7 +208,7 @@ mod tests {
                 let mut indices = [[0, 1, 3], [2, 3, 1]];
                 indices[0].rotate_left(i);
                 indices[1].rotate_left(j);
-                let faces = Faces::new(&mesh(&indices, 0.0));
+                let faces = Faces::of(&mesh(&indices, 0.0));
                 assert_eq!((faces.quads.len(), faces.triangles.len()), (1, 0), "{indices:?}");
                 let corner = &faces.corners[0];
                 let at = indices[0].map(|k| k as usize);
@@ -205,7 +219,7 @@ mod tests {
                 assert_eq!(around[corner.first[1] as usize], v[indices[1][0] as usize]);
             }
         }
-        assert_eq!(Faces::new(&mesh(&[[0, 1, 3], [2, 3, 1]], 1e-3)).quads.len(), 0);
-        assert_eq!(Faces::new(&mesh(&[[0, 1, 3], [2, 1, 3]], 0.0)).quads.len(), 0);
+        assert_eq!(Faces::of(&mesh(&[[0, 1, 3], [2, 3, 1]], 1e-3)).quads.len(), 0);
+        assert_eq!(Faces::of(&mesh(&[[0, 1, 3], [2, 1, 3]], 0.0)).quads.len(), 0);
     }
 }

@@ -18,6 +18,7 @@ mod kernel;
 use glam::Vec3;
 
 use self::faces::Faces;
+pub(super) use self::faces::Triangle;
 use self::kernel::{Any, Closest};
 use super::batch::{LANES, RayBlock, RayHitBlock};
 use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
@@ -45,13 +46,13 @@ pub struct Flat {
 
 /// Whether a scene can be traced here: one mesh, around the origin, of a size whose square f32 holds.
 pub fn can_trace(geometry: &Geometry) -> bool {
-    geometry.instances.is_empty() && geometry.meshes.first().is_some_and(in_range)
+    geometry.instances.is_empty() && geometry.meshes.first().is_some_and(|mesh| in_range(Triangle::of(mesh)))
 }
 
-/// Whether a mesh lies around the origin and is of a size whose square f32 holds.
-pub(super) fn in_range(mesh: &TriangleMesh) -> bool {
+/// Whether triangles lie around the origin and are together of a size whose square f32 holds.
+pub(super) fn in_range(triangles: impl Iterator<Item = Triangle>) -> bool {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for corner in mesh.traced().flat_map(|(_, corners)| corners) {
+    for corner in triangles.flat_map(|triangle| triangle.v) {
         (low, high) = (low.min(corner), high.max(corner));
     }
     let size = (high - low).max_element();
@@ -59,10 +60,17 @@ pub(super) fn in_range(mesh: &TriangleMesh) -> bool {
     size >= SIZES_M.0 && far <= SIZES_M.1.min(2.0 * size)
 }
 
+/// Faces that triangles make.
+pub(super) fn count(triangles: &[Triangle]) -> usize {
+    Faces::new(triangles).count()
+}
+
 /// Whether this is the fastest way to trace a scene.
 pub fn suits(geometry: &Geometry) -> bool {
-    let few = |mesh: &TriangleMesh| mesh.indices.len() <= 2 * MOST_FACES && Faces::new(mesh).count() <= MOST_FACES;
-    can_trace(geometry) && geometry.meshes.first().is_some_and(few)
+    let few = |mesh: &TriangleMesh| {
+        mesh.indices.len() <= 2 * MOST_FACES && count(&Triangle::of(mesh).collect::<Vec<_>>()) <= MOST_FACES
+    };
+    geometry.meshes.first().is_some_and(few) && can_trace(geometry)
 }
 
 impl Flat {
@@ -74,12 +82,13 @@ impl Flat {
         if !(can_trace(geometry) || geometry.meshes.iter().all(|mesh| mesh.indices.is_empty())) {
             return Err(Error::Backend { backend: "flat", problem: LIMITS.into() });
         }
-        Ok(Flat::over(geometry.meshes.first().unwrap_or(&TriangleMesh::default()), options))
+        let triangles: Vec<Triangle> = geometry.meshes.iter().take(1).flat_map(Triangle::of).collect();
+        Ok(Flat::over(&triangles, options))
     }
 
-    /// Prepares the faces of a mesh that is [`in_range`], or empty.
-    pub(super) fn over(mesh: &TriangleMesh, options: &BackendOptions) -> Self {
-        let faces = Faces::new(mesh);
+    /// Prepares triangles that are [`in_range`], if any.
+    pub(super) fn over(triangles: &[Triangle], options: &BackendOptions) -> Self {
+        let faces = Faces::new(triangles);
         let wide = isa::has_avx512() && options.isa.as_deref().is_none_or(|isa| isa == "avx512");
         let packet = QueryMode::Packet16.name();
         let info = BackendInfo {

@@ -14,24 +14,25 @@ mod volumes;
 use std::cell::RefCell;
 use std::ops::RangeInclusive;
 
-use self::parts::Parts;
+use self::parts::{FACE, Parts};
 use self::sieve::{Packed, Sieve};
 use self::volumes::Volumes;
 use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock};
 use super::bounds::{self, Bounds};
-use super::flat::Flat;
+use super::flat::{self, Flat};
 use super::obvhs::Obvhs;
 use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence};
 use crate::Result;
 use crate::math::isa;
 use crate::scene::geometry::{Geometry, TriangleMesh};
 
-/// Largest chance that a line through the scene comes near a volume with which this is faster than the hierarchy alone.
-const MOST_NEAR: f32 = 0.6;
+/// Largest cost of a ray, over that in a hierarchy of all, with which this is faster: what the faces take, and the chance that a line
+/// through the scene comes near a volume (the ratio of their surfaces).
+const MOST: f32 = 0.6;
 
 /// Triangles of all meshes together with which this is taken where there is Embree. With fewer, Embree is as fast (veach-mis, 1292
 /// triangles: 0.97); with more, building takes seconds longer (2 µs a triangle, against 0.5).
-pub const MESHES: RangeInclusive<usize> = 1 << 14..=1 << 20;
+pub const TRIANGLES: RangeInclusive<usize> = 1 << 14..=1 << 20;
 
 /// Faces, and another backend for the rest.
 pub struct Joint {
@@ -53,11 +54,14 @@ thread_local! {
     static ANY: RefCell<Packed<RayBlock>> = const { RefCell::new(Packed::new()) };
 }
 
-/// Whether this is the fastest way to trace a scene.
+/// Whether this is faster than a hierarchy of all.
 pub fn suits(geometry: &Geometry) -> bool {
     let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
-    let near = |parts: Parts| Volumes::new(&parts.bodies, 1.0).half_area / scene.half_area();
-    Parts::of(geometry).map(near).is_some_and(|near| near <= MOST_NEAR)
+    let cost = |parts: Parts| {
+        let near = Volumes::new(&parts.bodies, 1.0).half_area / scene.half_area();
+        FACE * flat::count(&parts.faces) as f32 + near
+    };
+    Parts::of(geometry).is_some_and(|parts| !parts.bodies.is_empty() && cost(parts) <= MOST)
 }
 
 impl Joint {
@@ -72,9 +76,11 @@ impl Joint {
             let rest = Obvhs::build(geometry, geometry.meshes.first().unwrap_or(&none), options)?;
             return Ok(Joint { info: BackendInfo { kind, ..rest.info().clone() }, front: None, rest });
         };
-        let rest = Obvhs::build(geometry, &parts.rest, options)?;
+        let rest = Obvhs::build(geometry, &parts.rest(&geometry.meshes[0]), options)?;
         let flat = Flat::over(&parts.faces, options);
-        let stretch = geometry.instances.iter().map(bounds::condition).fold(1.0, f64::max);
+        let all = (0u32..).zip(&geometry.instances);
+        let poses = all.flat_map(|(i, placement)| geometry.moving.steps(i).iter().chain([placement]));
+        let stretch = poses.map(bounds::condition).fold(1.0, f64::max);
         let volumes = Volumes::new(&parts.bodies, stretch as f32);
         let (few, many) = (flat.info(), rest.info().clone());
         let info = BackendInfo {

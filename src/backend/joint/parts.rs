@@ -10,15 +10,17 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use crate::backend::bounds::{self, Bounds};
-use crate::backend::flat::{self, MOST_FACES};
+use crate::backend::flat::{self, MOST_FACES, Triangle};
 use crate::scene::geometry::{Geometry, TriangleMesh};
 
-/// Faces that cost as much as one ray in a hierarchy. Measured on glass-caustics with AVX-512: 2 ns against 200 to 400.
-const FACES_OF_A_RAY: f32 = 200.0;
+/// What a face costs, over what the hierarchy of the rest costs a ray. On glass-caustics a face takes 1 to 2 ns of a ray's time
+/// with AVX-512, twice that with AVX2; a ray in the hierarchy alone takes 150 to 250.
+pub(super) const FACE: f32 = 0.01;
 
-/// Corners that groups of few triangles may have together: beyond, the scene is no room with things in it, and the search is not worth
-/// its time.
+/// Corners that groups of few triangles may have together, and bodies: beyond, the scene is no room with things in it, and the search
+/// not worth its time.
 const MOST_CORNERS: usize = 1 << 16;
+const MOST_BODIES: usize = 1 << 12;
 
 /// Something that is left to the hierarchy. All of it lies in its box, and within `radius` of the box's centre.
 #[derive(Clone, Copy, Debug)]
@@ -29,33 +31,46 @@ pub(super) struct Body {
 }
 
 /// A scene in two parts.
-#[derive(Clone, Debug)]
 pub(super) struct Parts {
-    /// The world mesh with nothing but the faces; the other triangles have no corners.
-    pub faces: TriangleMesh,
-    /// The world mesh without them.
-    pub rest: TriangleMesh,
+    /// Triangles of the world mesh.
+    pub faces: Vec<Triangle>,
     /// What the rest of the world mesh and the instances consist of.
     pub bodies: Vec<Body>,
+    groups: Groups,
+    /// Whether a group is one of the faces.
+    is_face: Vec<bool>,
 }
 
 impl Parts {
-    /// `None` where no triangles are worth it.
+    /// `None` where no triangles are worth it, or the scene has too many small things in it.
     pub fn of(geometry: &Geometry) -> Option<Self> {
         let mesh = geometry.meshes.first()?;
+        if geometry.instances.len() > MOST_BODIES {
+            return None;
+        }
         let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
         let mut groups = Groups::of_indices(mesh);
         groups.join_small(mesh)?;
-        let chosen = groups.choose(mesh, scene.half_area());
-        let is_face = |group: u32| chosen.contains(&group);
-        let faces = groups.only(mesh, is_face);
-        if chosen.is_empty() || !flat::in_range(&faces) {
+        let is_face = groups.choose(mesh, scene.half_area());
+        let chosen = groups.triangles(mesh).filter(|(_, group, _)| is_face[*group as usize]);
+        let faces: Vec<_> = chosen.map(|(prim, _, v)| Triangle { prim, v }).collect();
+        if faces.is_empty() || !flat::in_range(faces.iter().copied()) {
             return None;
         }
-        let rest = groups.only(mesh, |group| !is_face(group));
-        let mut bodies = groups.bodies(mesh, |group| !is_face(group));
+        let mut bodies = groups.bodies(mesh, &is_face);
         bodies.extend(instances(geometry));
-        Some(Parts { faces, rest, bodies })
+        (bodies.len() <= MOST_BODIES).then_some(Parts { faces, bodies, groups, is_face })
+    }
+
+    /// The world mesh without the faces, whose triangles lose their corners; all keep their numbers.
+    pub fn rest(&self, mesh: &TriangleMesh) -> TriangleMesh {
+        // A triangle that is not finite is left out by who traces the mesh.
+        let nowhere = mesh.vertices.len() as u32;
+        let vertices = mesh.vertices.iter().copied().chain([Vec3::NAN]).collect();
+        let is_rest = |group: u32| group != NONE && !self.is_face[group as usize];
+        let all = self.groups.of_triangle.iter().zip(&mesh.indices);
+        let indices = all.map(|(&group, &triangle)| if is_rest(group) { triangle } else { [nowhere; 3] }).collect();
+        TriangleMesh { vertices, indices, first_triangle: mesh.first_triangle }
     }
 }
 
@@ -126,54 +141,43 @@ impl Groups {
         Some(())
     }
 
-    /// The groups that become faces; `scene` is half the surface of its box.
-    fn choose(&self, mesh: &TriangleMesh, scene: f32) -> Vec<u32> {
+    /// Which groups become faces; `scene` is half the surface of its box, m².
+    fn choose(&self, mesh: &TriangleMesh, scene: f32) -> Vec<bool> {
         let mut boxes = vec![Bounds::EMPTY; self.count.len()];
         for (_, group, corners) in self.triangles(mesh) {
             boxes[group as usize] = boxes[group as usize].union(Bounds::of(&corners));
         }
+        // Pairs of triangles are taken for parallelograms here.
         let faces = |group: u32| self.count[group as usize].div_ceil(2);
         let met = |group: u32| boxes[group as usize].half_area() / scene / faces(group) as f32;
         let all = (0..self.count.len() as u32).filter(|&group| self.count[group as usize] > 0 && self.is_small(group));
-        let mut worth: Vec<u32> = all.filter(|&group| met(group) * FACES_OF_A_RAY >= 1.0).collect();
+        let mut worth: Vec<u32> = all.filter(|&group| met(group) >= FACE / 2.0).collect();
         worth.sort_by(|&a, &b| met(b).total_cmp(&met(a)).then(a.cmp(&b)));
-        let mut left = MOST_FACES as u32;
-        worth.retain(|&group| {
-            let fits = faces(group) <= left;
-            left -= if fits { faces(group) } else { 0 };
-            fits
-        });
+        let (mut left, mut is_face) = (MOST_FACES as u32, vec![false; self.count.len()]);
+        for group in worth {
+            if faces(group) <= left {
+                left -= faces(group);
+                is_face[group as usize] = true;
+            }
+        }
         // None that touches a larger one.
-        let mut corners: Vec<_> = (self.triangles(mesh).filter(|(_, group, _)| worth.contains(group)))
+        let mut corners: Vec<_> = (self.triangles(mesh).filter(|(_, group, _)| is_face[*group as usize]))
             .flat_map(|(_, group, corners)| corners.map(|corner| (position(corner), group)))
             .collect();
         corners.sort_unstable();
         let large = self.triangles(mesh).filter(|(_, group, _)| !self.is_small(*group));
-        for position in large.flat_map(|(_, _, corners)| corners).map(position) {
-            if let Ok(at) = corners.binary_search_by_key(&position, |corner| corner.0) {
-                let touching = corners[at].1;
-                worth.retain(|&group| group != touching);
+        for corner in large.flat_map(|(_, _, corners)| corners) {
+            if let Ok(at) = corners.binary_search_by_key(&position(corner), |(at, _)| *at) {
+                is_face[corners[at].1 as usize] = false;
             }
         }
-        worth
+        is_face
     }
 
-    /// The mesh with the triangles of such groups alone; the others lose their corners, and all keep their numbers.
-    fn only(&self, mesh: &TriangleMesh, such: impl Fn(u32) -> bool) -> TriangleMesh {
-        // Traversals leave out what is not finite.
-        let nowhere = mesh.vertices.len() as u32;
-        let vertices = mesh.vertices.iter().copied().chain([Vec3::NAN]).collect();
-        let kept = |group: u32| group != NONE && such(group);
-        let indices = self.of_triangle.iter().zip(&mesh.indices);
-        let indices = indices.map(|(&group, &triangle)| if kept(group) { triangle } else { [nowhere; 3] }).collect();
-        TriangleMesh { vertices, indices, first_triangle: mesh.first_triangle }
-    }
-
-    /// What such groups occupy.
-    fn bodies(&self, mesh: &TriangleMesh, such: impl Fn(u32) -> bool) -> Vec<Body> {
+    /// What the groups that are no faces occupy.
+    fn bodies(&self, mesh: &TriangleMesh, is_face: &[bool]) -> Vec<Body> {
         let mut bodies = vec![Body::NOTHING; self.count.len()];
-        let is_such: Vec<bool> = (0..self.count.len() as u32).map(such).collect();
-        let triangles = || self.triangles(mesh).filter(|(_, group, _)| is_such[*group as usize]);
+        let triangles = || self.triangles(mesh).filter(|(_, group, _)| !is_face[*group as usize]);
         for (_, group, corners) in triangles() {
             let bounds = &mut bodies[group as usize].bounds;
             *bounds = bounds.union(Bounds::of(&corners));
@@ -192,41 +196,40 @@ impl Body {
 
     /// What a mesh occupies in its own space.
     fn of_mesh(mesh: &TriangleMesh) -> Self {
-        let corners = || mesh.indices.iter().map(|triangle| triangle.map(|i| mesh.vertices[i as usize]));
-        let bounds = corners().fold(Bounds::EMPTY, |all, corners| all.union(Bounds::of(&corners)));
-        let radius = corners().map(|corners| reach(bounds.center(), &corners)).fold(0.0, f32::max);
+        let bounds = mesh.traced().fold(Bounds::EMPTY, |all, (_, corners)| all.union(Bounds::of(&corners)));
+        let radius = mesh.traced().map(|(_, corners)| reach(bounds.center(), &corners)).fold(0.0, f32::max);
         Body { bounds, radius }
     }
 }
 
-/// Largest distance of points from `center`, metres, rounded up.
+/// Largest distance of points from `center`, metres, rounded up. In f64, where no square is lost.
 fn reach(center: Vec3, points: &[Vec3]) -> f32 {
-    points.iter().map(|p| p.distance(center)).fold(0.0, f32::max) * (1.0 + 4.0 * f32::EPSILON)
+    let center = center.as_dvec3();
+    (points.iter().map(|p| p.as_dvec3().distance(center)).fold(0.0, f64::max) as f32).next_up()
 }
 
-/// What instances occupy.
+/// What instances occupy, without those of empty meshes.
 fn instances(geometry: &Geometry) -> impl Iterator<Item = Body> {
     let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
-    let mut meshes = vec![Body::NOTHING; geometry.meshes.len()];
+    let mut meshes = vec![None; geometry.meshes.len()];
     for placement in &geometry.instances {
-        let body = &mut meshes[placement.mesh as usize];
-        if body.bounds.is_empty() {
-            *body = Body::of_mesh(&geometry.meshes[placement.mesh as usize]);
+        if let Some(mesh) = geometry.meshes.get(placement.mesh as usize) {
+            meshes[placement.mesh as usize].get_or_insert_with(|| Body::of_mesh(mesh));
         }
     }
-    let placed = geometry.instances.iter().enumerate();
-    placed.filter_map(move |(i, placement)| {
-        let mesh = meshes[placement.mesh as usize];
-        (!mesh.bounds.is_empty()).then(|| {
-            let bounds = bounds::of_instance(geometry, i, mesh.bounds, bounds::reach_of(scene));
-            let radius = 0.5 * (bounds.hi - bounds.lo).length();
-            if !geometry.moving.steps(i as u32).is_empty() {
-                return Body { bounds, radius };
-            }
-            let rounding = bounds::rounding_of(placement, bounds::reach_of(scene));
-            let ball = bounds::stretch(&placement.world_from_object) * f64::from(mesh.radius) + rounding.length();
-            Body { bounds, radius: radius.min(ball as f32 * (1.0 + 4.0 * f32::EPSILON)) }
-        })
+    geometry.instances.iter().enumerate().filter_map(move |(i, placement)| {
+        let mesh = meshes.get(placement.mesh as usize).copied()??;
+        if mesh.bounds.is_empty() {
+            return None;
+        }
+        let bounds = bounds::of_instance(geometry, i, mesh.bounds, bounds::reach_of(scene));
+        let around = 0.5 * (bounds.hi - bounds.lo).length();
+        if !geometry.moving.steps(i as u32).is_empty() {
+            return Some(Body { bounds, radius: around });
+        }
+        let rounding = bounds::rounding_of(placement, bounds::reach_of(scene));
+        let ball = bounds::stretch(&placement.world_from_object) * f64::from(mesh.radius) + rounding.length();
+        Some(Body { bounds, radius: around.min((ball as f32).next_up()) })
     })
 }
 

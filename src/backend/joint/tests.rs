@@ -125,7 +125,7 @@ fn blocked(backend: &dyn Backend, rays: &[RayHitBlock], len: usize) -> Vec<bool>
 fn hits_are_those_of_every_triangle() {
     let (geometry, rays) = (room(), rays());
     let parts = Parts::of(&geometry).expect("walls");
-    assert_eq!((parts.faces.traced().count(), parts.bodies.len()), (12, 4));
+    assert_eq!((parts.faces.len(), parts.bodies.len()), (12, 4));
     let (narrow, wide) = (joint(&geometry, "avx2"), joint(&geometry, "any"));
     let len = rays.len() * LANES;
     let (met, stopped) = (hits(&narrow, &rays, len), blocked(&narrow, &rays, len));
@@ -166,7 +166,8 @@ fn no_ray_at_the_rest_is_left_out() {
         m.transform_point3(p.as_dvec3())
     };
     let mut points = Vec::new();
-    for (_, corners) in parts.rest.traced() {
+    let rest = parts.rest(&geometry.meshes[0]);
+    for (_, corners) in rest.traced() {
         points.extend(corners.map(|p| p.as_dvec3()));
     }
     for placement in &geometry.instances {
@@ -234,8 +235,9 @@ fn what_hangs_together_stays_together() {
         change(&mut mesh);
         let geometry = bounded(Geometry { meshes: vec![mesh], ..Geometry::default() });
         Parts::of(&geometry).map_or(0, |parts| {
-            let (few, many) = (parts.faces.traced().count(), parts.rest.traced().count());
-            assert_eq!(few + many, geometry.meshes[0].traced().count());
+            let mesh = &geometry.meshes[0];
+            let (few, many) = (parts.faces.len(), parts.rest(mesh).traced().count());
+            assert_eq!(few + many, mesh.traced().count());
             few
         })
     };
@@ -267,6 +269,34 @@ fn rooms_with_things_in_them_suit() {
         })
         .collect();
     assert!(!suits(&full));
+}
+
+/// Oracle: the rule. So many faces cost as much as the hierarchy that they spare: a ball in a dome of 120 triangles.
+#[test]
+fn many_faces_do_not_pay() {
+    let dome = |n: u32| {
+        let mut mesh = TriangleMesh::default();
+        ball(&mut mesh, Vec3::ZERO, 1.0, n);
+        ball(&mut mesh, Vec3::ZERO, 0.2, 12);
+        bounded(Geometry { meshes: vec![mesh], ..Geometry::default() })
+    };
+    assert_eq!(Parts::of(&dome(7)).expect("a dome").faces.len(), 2 * 49 - 7);
+    assert!(!suits(&dome(7)));
+    assert!(suits(&dome(4)));
+}
+
+/// Oracle: the same mesh without them. Triangles that cannot be traced are in nobody's way, on an instance too.
+#[test]
+fn bad_triangles_are_left_out() {
+    let good = room();
+    let mut bad = good.clone();
+    for mesh in &mut bad.meshes {
+        let far = mesh.vertices.len() as u32;
+        mesh.vertices.extend([Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::X, Vec3::ZERO]);
+        mesh.indices.extend([[0, 1, far], [0, far + 1, far + 2], [0, 1, far + 100], [5, 5, 6]]);
+    }
+    let (rays, len) = (rays(), 32_000);
+    assert_eq!(hits(&joint(&bad, "any"), &rays, len), hits(&joint(&good, "any"), &rays, len));
 }
 
 /// Oracle: `obvhs`. A scene without faces is traced all the same, to the bit.

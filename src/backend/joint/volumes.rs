@@ -67,7 +67,7 @@ impl Volumes {
             for i in 0..LANES {
                 let (dx, dy, dz) = (ray.dir_x[i], ray.dir_y[i], ray.dir_z[i]);
                 let (sx, sy, sz) = (cx - ray.org_x[i], cy - ray.org_y[i], cz - ray.org_z[i]);
-                // Directions are unit vectors up to rounding only where nobody sends others.
+                // Directions need not be unit vectors: `valid_lanes` asks for 0.25 < d² < 4.
                 let over = 1.0 / dx.mul_add(dx, dy.mul_add(dy, dz * dz));
                 let along = sx.mul_add(dx, sy.mul_add(dy, sz * dz)) * over;
                 let (lx, ly, lz) = (along.mul_add(-dx, sx), along.mul_add(-dy, sy), along.mul_add(-dz, sz));

@@ -40,7 +40,8 @@ impl Moves for Baseline {
     }
 }
 
-/// Registers of sixteen lanes. Used only in code that is compiled for AVX-512, which is called only where the processor has it.
+/// Registers of sixteen lanes. To be named only where the processor is known to have AVX-512: by [`super::widest`] and by the kernels
+/// of the wavefront behind the same question. Builds with debug assertions ask in every move.
 #[cfg(target_arch = "x86_64")]
 pub(crate) struct Avx512;
 
@@ -49,16 +50,19 @@ mod avx512 {
     use std::arch::x86_64::*;
 
     use super::*;
+    use crate::math::isa::has_avx512;
 
     impl Moves for Avx512 {
         #[inline(always)]
         fn squeeze(from: &[u32; LANES], keep: u16, at: usize, here: &mut [u32; LANES], after: &mut [u32; LANES]) {
+            debug_assert!(has_avx512());
             // SAFETY: see [`Avx512`].
             unsafe { squeeze(from, keep, at, here, after) }
         }
 
         #[inline(always)]
         fn transpose(rows: [&[f32; LANES]; LANES]) -> [[f32; LANES]; LANES] {
+            debug_assert!(has_avx512());
             // SAFETY: see [`Avx512`].
             unsafe { transpose(rows) }
         }
@@ -129,7 +133,6 @@ mod avx512 {
     #[cfg(test)]
     mod tests {
         use super::*;
-        use crate::math::isa::has_avx512;
 
         /// Oracle: the baseline, over every start and pseudo-random masks (exact).
         #[test]

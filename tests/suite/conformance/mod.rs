@@ -130,7 +130,7 @@ pub(crate) fn rows() -> Vec<Row> {
         }
         let rule = RULES.iter().find(|r| r.0 == kind).expect("every backend has a line in RULES").1;
         rows.extend(QueryMode::ALL.map(|mode| Row { kind, rule, mode, isa: None }));
-        if kind == BackendKind::Obvhs && math::isa::has_avx512() {
+        if matches!(kind, BackendKind::Obvhs | BackendKind::FlatObvhs) && math::isa::has_avx512() {
             rows.push(Row { kind, rule, mode: QueryMode::Single, isa: Some("avx2") });
         }
     }
