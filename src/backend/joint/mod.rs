@@ -1,7 +1,7 @@
 //! A few large faces one after the other, then a hierarchy of what else there is, for the rays that come near it.
 //!
 //! Rooms are made of few walls and of things with many triangles. A hierarchy over both makes every ray pass the boxes of the
-//! things on its way to the wall. Here sixteen rays first meet all walls as in [`flat`](super::flat), without a branch; what they
+//! things on its way to the wall. Here sixteen rays first meet all walls as in [`flat`], without a branch; what they
 //! meet ends them. Then they are held against balls and boxes around the things; only those that come near one are packed
 //! into blocks of their own and traced by the other backend, in a hierarchy that has no walls.
 //!
