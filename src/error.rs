@@ -7,6 +7,17 @@ use std::path::PathBuf;
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// An error of the library. `exit_code` maps it to the command line's contract.
+///
+/// ```
+/// use pathspace::{Error, Scene};
+///
+/// match Scene::load("scenes/absent.gltf") {
+///     Err(Error::Io { path, .. }) => assert!(path.ends_with("absent.gltf")),
+///     Err(Error::InvalidScene { pointer, problem, .. }) => println!("at {pointer}: {problem}"),
+///     Err(other) => println!("{other}"),
+///     Ok(_) => unreachable!("there is no such file"),
+/// }
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -54,6 +65,22 @@ pub enum Error {
         /// What failed and, where known, the package to install.
         problem: String,
     },
+    /// The job takes more memory than there is.
+    #[error("{what} needs {} MB ({parts}), {} MB are left by {limit}: {advice}", needed >> 20, available >> 20)]
+    Memory {
+        /// What was about to be made.
+        what: &'static str,
+        /// Bytes that it takes at most at one time.
+        needed: u64,
+        /// Its parts with their sizes.
+        parts: String,
+        /// Bytes that may still be taken.
+        available: u64,
+        /// What sets that limit.
+        limit: &'static str,
+        /// What makes it smaller.
+        advice: String,
+    },
     /// An option is out of its range, or options contradict each other.
     #[error("{option}: {problem}")]
     Option {
@@ -70,7 +97,7 @@ impl Error {
         match self {
             Error::InvalidScene { .. } | Error::UnsupportedExtension { .. } => 4,
             Error::Option { .. } => 2,
-            Error::Io { .. } | Error::Image { .. } | Error::Backend { .. } => 1,
+            Error::Io { .. } | Error::Image { .. } | Error::Backend { .. } | Error::Memory { .. } => 1,
         }
     }
 

@@ -2,22 +2,36 @@
 //! never renamed. Units are in the names; times are wall seconds, rates are 10⁶ per second of `seconds.render`.
 
 pub mod bias;
+pub mod error_log;
 
 use serde::Serialize;
 
 use crate::backend::BackendInfo;
-use crate::plan::{Bias, Effects, RenderPlan};
-use crate::render::target::{CONFIDENCE, QUANTILES};
-use crate::render::{Render, RenderOptions};
+use crate::math::simd::detect;
+use crate::plan::{Bias, Effects};
+use crate::render::stopping::{LIMIT_CONFIDENCE, LIMIT_SIGMAS};
+use crate::render::{Render, Renderer};
+use crate::room;
 use crate::scene::{Scene, Texels};
 use crate::texture::TextureStats;
-use crate::wavefront::Counters;
+use crate::transport::counters::Counters;
 
 /// Version of the keys below.
 pub const SCHEMA: u32 = 1;
 
 /// Everything `--stats` writes.
+///
+/// ```
+/// # let scene = pathspace::Scene::load("scenes/cornell-box/scene.gltf")?;
+/// # let renderer = pathspace::Renderer::new(&scene, pathspace::RenderOptions::new(8, 8).spp(2))?;
+/// use pathspace::stats::{Seconds, Stats};
+/// let render = renderer.render()?;
+/// let stats = Stats::new(&renderer, &render, Seconds::of(&renderer, &render));
+/// assert_eq!((stats.stop, stats.paths), ("spp", 128));
+/// # Ok::<(), pathspace::Error>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Stats {
     /// [`SCHEMA`].
     pub schema: u32,
@@ -69,10 +83,16 @@ pub struct Stats {
     pub prediction: Option<PredictionStats>,
     /// Textures: how often they were looked up, and what the tile cache did.
     pub textures: TextureRecord,
+    /// Instruction set of shading: what the processor has at run time ("avx512"), else what this binary was compiled
+    /// for.
+    pub isa: &'static str,
+    /// What `peak_rss_bytes` was expected to be before the hierarchy was built.
+    pub memory_need_bytes: u64,
 }
 
 /// Textures of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TextureRecord {
     /// Look-ups, of one to four texels each.
     pub lookups: u64,
@@ -92,13 +112,14 @@ impl TextureRecord {
                 held_bytes += texture.texels.bytes();
             }
         }
-        let cache = scene.textures.iter().find_map(|texture| texture.texels.cache_stats()).unwrap_or_default();
+        let cache = scene.texture_tiles().map(|tiles| tiles.stats()).unwrap_or_default();
         TextureRecord { lookups: counters.texture_lookups, held_bytes, cache }
     }
 }
 
 /// Counts of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct SceneStats {
     /// The file.
     pub file: String,
@@ -116,6 +137,7 @@ pub struct SceneStats {
 
 /// Wall times in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Seconds {
     /// Reading and checking the scene and its images.
     pub load: f64,
@@ -131,6 +153,7 @@ pub struct Seconds {
 
 /// Samples per pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SppStats {
     /// Of the pixel with the fewest.
     pub min: u64,
@@ -142,6 +165,7 @@ pub struct SppStats {
 
 /// Rays by class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct RayStats {
     /// Camera rays.
     pub camera: u64,
@@ -153,8 +177,9 @@ pub struct RayStats {
 
 /// What traced.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct BackendStats {
-    /// "embree", "obvhs" or "brute".
+    /// "embree", "obvhs", "flat", "flat+obvhs" or "brute".
     pub name: &'static str,
     /// Version of the library behind it.
     pub version: String,
@@ -164,10 +189,13 @@ pub struct BackendStats {
     pub rays: String,
     /// Bytes of the acceleration structure, as far as the backend knows.
     pub bvh_bytes: u64,
+    /// Why it is this backend.
+    pub reason: String,
 }
 
 /// The estimate of the error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ErrorStats {
     /// Estimated relMSE.
     pub relmse: f64,
@@ -199,6 +227,7 @@ pub struct ErrorStats {
 
 /// What the pilot of a render with an error target predicted, and what the render took.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct PredictionStats {
     /// Seconds of rendering after which it was made.
     pub after_s: f64,
@@ -220,13 +249,14 @@ pub struct PredictionStats {
 
 /// Where a non-finite sample was met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct NonFiniteStats {
     /// Pixel of the full image.
     pub pixel: [u32; 2],
     /// Sample index.
     pub sample: u64,
-    /// Scatterings of the path whose contribution was not finite; 0 for light seen directly. `null` where a replay of the
-    /// sample is finite.
+    /// Scatterings of the path whose contribution was not finite; 0 for light seen directly. `null` where a replay of
+    /// the sample is finite.
     pub bounce: Option<u32>,
 }
 
@@ -235,7 +265,7 @@ impl SceneStats {
     pub fn of(scene: &Scene) -> Self {
         let emissive = |instance: &crate::scene::Instance| {
             let mesh = &scene.meshes[instance.mesh.index()];
-            let emits = scene.materials.get(mesh.material.index()).is_some_and(|m| m.is_emissive());
+            let emits = scene.materials.get(scene.material_of(instance).index()).is_some_and(|m| m.is_emissive());
             if emits { mesh.triangles.len() as u64 } else { 0 }
         };
         let surfaces: u64 = scene.instances.iter().map(emissive).sum();
@@ -250,9 +280,17 @@ impl SceneStats {
     }
 }
 
+impl Seconds {
+    /// What a renderer and its render tell: the times of building and rendering, and their sum.
+    pub fn of(renderer: &Renderer, render: &Render) -> Self {
+        let (build, render) = (renderer.build_time().as_secs_f64(), render.render_time.as_secs_f64());
+        Seconds { build, render, total: build + render, ..Seconds::default() }
+    }
+}
+
 impl BackendStats {
-    /// What `info` says.
-    pub fn of(info: &BackendInfo) -> Self {
+    /// What `info` says, and why the plan took it.
+    pub fn of(info: &BackendInfo, reason: &str) -> Self {
         let (camera, bounce, shadow) = (info.rays_coherent, info.rays_incoherent, info.rays_shadow);
         let same = camera == bounce && bounce == shadow;
         BackendStats {
@@ -261,30 +299,15 @@ impl BackendStats {
             isa: info.isa.clone(),
             rays: if same { camera.to_string() } else { format!("{camera}/{bounce}/{shadow}") },
             bvh_bytes: info.bvh_bytes,
+            reason: reason.into(),
         }
     }
 }
 
-/// What the statistics are made of.
-pub struct Inputs<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The options, with the number of threads resolved.
-    pub options: &'a RenderOptions,
-    /// The plan.
-    pub plan: &'a RenderPlan,
-    /// The backend.
-    pub backend: &'a BackendInfo,
-    /// The finished render.
-    pub render: &'a Render,
-    /// Wall times.
-    pub seconds: Seconds,
-}
-
 impl Stats {
-    /// Gathers the statistics of one `render`.
-    pub fn new(inputs: &Inputs) -> Self {
-        let Inputs { scene, options, plan, backend, render, seconds } = inputs;
+    /// Gathers the statistics of `render`, a render by `renderer`.
+    pub fn new(renderer: &Renderer, render: &Render, seconds: Seconds) -> Self {
+        let (scene, plan, backend) = (renderer.scene(), renderer.plan(), renderer.backend_info());
         let (film, counters) = (&render.film, &render.counters);
         let spp = film.spp();
         let rays =
@@ -294,19 +317,19 @@ impl Stats {
             schema: SCHEMA,
             command: "render",
             scene: SceneStats::of(scene),
-            seconds: *seconds,
+            seconds,
             resolution: [film.resolution.0, film.resolution.1],
             spp: SppStats { min: spp.min, mean: spp.mean, max: spp.max },
-            seed: options.seed,
-            threads: options.threads,
+            seed: plan.seed,
+            threads: plan.threads,
             paths: counters.paths,
             rays,
             mpaths_per_s: per_second(counters.paths),
             mrays_per_s: per_second(rays.camera + rays.bounce + rays.shadow),
-            peak_rss_bytes: peak_rss_bytes(),
+            peak_rss_bytes: room::most_resident(),
             nonfinite: counters.nonfinite,
             stop: render.stop.name(),
-            backend: BackendStats::of(backend),
+            backend: BackendStats::of(backend, &plan.backend_reason),
             effects: plan.effects.clone(),
             bias: bias::ledger(plan, render),
             error: film.error_estimate().map(|e| ErrorStats {
@@ -320,9 +343,9 @@ impl Stats {
                 mean_interval: e.mean_interval,
                 largest_share: e.largest_share,
                 reliable: e.reliable,
-                limit: e.picture_limit(QUANTILES).sqrt(),
-                limit_confidence: CONFIDENCE,
-                target: options.error,
+                limit: e.picture_limit(LIMIT_SIGMAS).sqrt(),
+                limit_confidence: LIMIT_CONFIDENCE,
+                target: plan.limits.error,
             }),
             nonfinite_first: counters
                 .nonfinite_first
@@ -343,16 +366,18 @@ impl Stats {
                 taken_spp: spp.min,
             }),
             textures: TextureRecord::of(scene, counters),
+            isa: detect::name(plan.avx512),
+            memory_need_bytes: renderer.need().total_bytes,
         }
     }
 }
 
-/// High-water mark of resident memory: `VmHWM` of `/proc/self/status`.
-fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kib * 1024)
+impl Stats {
+    /// Whether the picture is known to be within a relative RMSE of `target`, with the confidence of
+    /// [`ErrorStats::limit`].
+    pub fn meets(&self, target: f64) -> bool {
+        self.error.is_some_and(|error| error.limit <= target)
+    }
 }
 
 #[cfg(test)]
@@ -375,14 +400,7 @@ mod tests {
 
     #[test]
     fn modes_are_joined_only_where_they_differ() {
-        assert_eq!(BackendStats::of(&info("single")).rays, "single");
-        assert_eq!(BackendStats::of(&info("packet16")).rays, "single/single/packet16");
-    }
-
-    #[test]
-    fn peak_memory_is_read_on_linux() {
-        if cfg!(target_os = "linux") {
-            assert!(peak_rss_bytes().is_some_and(|bytes| bytes > 1 << 20));
-        }
+        assert_eq!(BackendStats::of(&info("single"), "asked for").rays, "single");
+        assert_eq!(BackendStats::of(&info("packet16"), "asked for").rays, "single/single/packet16");
     }
 }

@@ -1,8 +1,7 @@
 //! Angles in turns by polynomials: no call, no branch, no table, so loops over lanes vectorise.
 //!
-//! Errors, against f64 over the whole range (tested): sine and cosine 1.5e-7 for |t| ≤ 1 and exact at the quarters, angle
-//! 6e-8 of a turn.
-//! Source of the arctangent: Moshier 1989, Cephes `atanf` (reduction at tan π/8, degree 9).
+//! Errors, against f64 over the whole range (tested): sine and cosine 1.5e-7 for |t| ≤ 1 and exact at the quarters,
+//! angle 6e-8 of a turn. Source of the arctangent: Moshier 1989, Cephes `atanf` (reduction at tan π/8, degree 9).
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 

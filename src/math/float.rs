@@ -1,23 +1,26 @@
 //! Rounding: error bounds of hit points, and where rays start and shadow segments end so that they do not meet the
 //! surface they leave or reach. No absolute length anywhere: scaling all input by 2^k scales every result exactly.
 //!
-//! u = 2⁻²⁴ is the unit roundoff of f32; a bound of k operations in a row is k·u to first order. What must be covered,
-//! measured along the surface's normal n, when a ray starts at o = p + offset·n and is tested against its own triangle:
+//! u = 2⁻²⁴ is the unit roundoff of f32; a bound of k operations in a row is k·u to first order. What must be
+//! covered, measured along the surface's normal n, when a ray starts at o = p + offset·n and is tested against its own
+//! triangle:
 //!
 //! | error | bound on the normal component | why |
 //! | --- | --- | --- |
 //! | p rebuilt from barycentrics | u·Σ\|n\|\|p\| + 3u·m | last sum; products, their sum, e1 and e2 rounded |
 //! | o rounded | u·Σ\|n\|\|p\| | one sum per component |
 //! | vertices relative to o | 2u·m | one difference each; a sheared test rounds them again, mixing axes |
-//! | t of the traversal's test | 4u·Σ\|p − v0\|X/\|e1 × e2\| | error of its own normal e1 × e2, per component ≤ 4u·X |
+//! | t of the traversal's test | 4u·Σ\|p − v0\|X/\|e1 × e2\| | error of its normal, ≤ 4u·X a component |
 //!
 //! with m the largest component of e1, e2, e2 − e1, and X per component the two products of e1 × e2 added instead of
-//! subtracted. The last row grows with the aspect ratio of triangles of a general direction, as the error itself does, and
-//! vanishes for those in a coordinate plane. It is Embree's (robust) and Möller–Trumbore's row; a test on sheared vertices
-//! must sum the depth of a hit in f64 instead, else its weights' rounding is amplified whatever the direction.
+//! subtracted. The last row grows with the aspect ratio of triangles of a general direction, as the error itself does,
+//! and vanishes for those in a coordinate plane. It is Embree's (robust) and Möller–Trumbore's row; a test on
+//! sheared vertices must sum the depth of a hit in f64 instead, else its weights' rounding is amplified whatever the
+//! direction.
 //!
-//! Checked by `tests/suite/hard/spawn.rs` (HARDCASES G07, G08, G19) on every backend: no re-hit in 10⁷ rays; with any one
-//! row left out re-hits appear, with all of them halved only the first two rows fail (5000 of 2.5·10⁶ at ±1e-4 around 1).
+//! Checked by `tests/suite/hard/spawn.rs` (HARDCASES G07, G08, G19) on every backend: no re-hit in 10⁷ rays; with any
+//! one row left out re-hits appear, with all of them halved only the first two rows fail (5000 of 2.5·10⁶ at ±1e-4
+//! around 1).
 
 use glam::{Affine3A, Mat3A, Vec3};
 
@@ -36,8 +39,9 @@ const EXTENT_ROUNDING: f32 = 5.0 * UNIT_ROUNDOFF;
 /// Rounding of the traversal's own normal, per product: one each of two edges, of the product and of the difference.
 const TEST_ROUNDING: f32 = 4.0 * UNIT_ROUNDOFF;
 
-/// Normal distance by which a shadow segment ends short of its target, per length: three roundings each of the numerator and
-/// the denominator of t, one of the vertices relative to the far origin, two of the direction; rounded up to a power of
+/// Normal distance by which a shadow segment ends short of its target, per length: three roundings each of the
+/// numerator and the denominator of t, one of the vertices relative to the far origin, two of the direction; rounded up
+/// to a power of
 /// 2. A quarter of it is too little (19 of 200,000 at distance 10⁴), half was enough.
 const SEGMENT_ROUNDING: f32 = 16.0 * UNIT_ROUNDOFF;
 
@@ -59,8 +63,8 @@ pub fn hit_error(v0: Vec3, e1: Vec3, e2: Vec3, p: Vec3) -> f32 {
     n.along(p.abs() * POSITION_ROUNDING) + n.object_error(v0, e1, e2, p)
 }
 
-/// As [`hit_error`] for a triangle of an instanced mesh: `v0`, `e1`, `e2`, `p` in object space, the result in world space
-/// along the world normal. Both matrices are roundings of the exact ones.
+/// As [`hit_error`] for a triangle of an instanced mesh: `v0`, `e1`, `e2`, `p` in object space, the result in world
+/// space along the world normal. Both matrices are roundings of the exact ones.
 #[inline(always)]
 pub fn hit_error_instanced(
     triangle: (Vec3, Vec3, Vec3),
@@ -83,12 +87,13 @@ pub fn hit_error_instanced(
     object / stretch + rounding
 }
 
-/// Roundings of a pose between two, beside those of a pose: two backends that take it from the same ends may differ by eight of the
-/// larger end's elements, which is twice [`AFFINE_ROUNDING`] more. (A sixth of it met no triangle again in 10⁵ rays on any backend.)
+/// Roundings of a pose between two, beside those of a pose: two backends that take it from the same ends may differ by
+/// eight of the larger end's elements, which is twice [`AFFINE_ROUNDING`] more. (A sixth of it met no triangle again in
+/// 10⁵ rays on any backend.)
 const MOVING: f32 = 3.0;
 
-/// As [`hit_error_instanced`] for a mesh that moves: `reach` has the elements of the poses around the ray's time by their larger
-/// magnitude, `object_from_world` is the inverse of the pose at that time.
+/// As [`hit_error_instanced`] for a mesh that moves: `reach` has the elements of the poses around the ray's time by
+/// their larger magnitude, `object_from_world` is the inverse of the pose at that time.
 #[inline]
 pub fn hit_error_moving(triangle: (Vec3, Vec3, Vec3), p: Vec3, reach: &Affine3A, object_from_world: &Affine3A) -> f32 {
     MOVING * hit_error_instanced(triangle, p, reach, object_from_world)
@@ -98,6 +103,18 @@ pub fn hit_error_moving(triangle: (Vec3, Vec3, Vec3), p: Vec3, reach: &Affine3A,
 #[inline(always)]
 pub fn spawn_origin(p: Vec3, n_g: Vec3, error: f32, dir: Vec3) -> Vec3 {
     p + n_g * error.copysign(n_g.dot(dir))
+}
+
+/// Roundings of origin and distance by which traversals may differ about a distance; they are about 20.
+const DISTANCE_ROUNDING: f32 = 256.0 * UNIT_ROUNDOFF;
+
+/// Where a ray from `org` that goes on past its hit at `t` is searched from: before everything that may lie at the same
+/// distance up to rounding. `error` is the hit point's bound, `cos` that between the ray and the normal. At least 0.
+#[inline(always)]
+pub fn before(t: f32, org: Vec3, error: f32, cos: f32) -> f32 {
+    let rounding = 16.0 * error + DISTANCE_ROUNDING * (org.abs().max_element() + t);
+    // NaN and -inf become 0.
+    (t - rounding / cos.abs()).max(0.0)
 }
 
 /// A shadow ray: from its origin in a unit direction up to `tfar`.

@@ -1,10 +1,12 @@
 //! Numbers: frames, warps, tables, error bounds. Nothing here knows of scenes or rays' meaning.
 
 pub mod angle;
+pub mod columns;
 pub mod float;
 pub mod frame;
-#[allow(unsafe_code)] // Fence 4 of 5: calls into code compiled for AVX-512.
-pub mod isa;
 pub mod lanes;
+pub mod quad;
+#[allow(unsafe_code)] // Fence 3 of 3: instructions by name, and calls into code compiled for AVX-512.
+pub mod simd;
 pub mod table;
 pub mod warp;

@@ -1,9 +1,9 @@
 //! Measure-preserving maps from the unit square to the shapes that are sampled. Each takes u in [0,1)² (the samplers
 //! never return 1; a 1 is harmless here all the same) and turns stratified points into stratified points.
 //!
-//! Local frames have n = +z. `*_pdf` is the density of the matching map: sr⁻¹ on the sphere, m⁻² on the unit disk.
-//! Sources: Shirley and Chiu 1997 (concentric map), Heitz 2019 (triangle by folding, "A low-distortion map between
-//! triangle and square"), Archimedes (sphere).
+//! Local frames have n = +z. `*_pdf` is the density of the matching map: sr⁻¹ on the sphere, m⁻² on the unit
+//! disk. Sources: Shirley and Chiu 1997 (concentric map), Heitz 2019 (triangle by folding, "A low-distortion map
+//! between triangle and square"), Archimedes (sphere).
 
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, PI, TAU};
@@ -91,8 +91,8 @@ pub fn cap_solid_angle(radius_rad: f32) -> f32 {
     4.0 * PI * s * s
 }
 
-/// Sine and cosine for |x| ≤ π/4, to 1 ulp, without a branch or a call: the Taylor polynomials to x⁹ and x¹⁰ (the
-/// first terms left out are below 2e-9 and 2e-10 there).
+/// Sine and cosine for |x| ≤ π/4, to 1 ulp, without a branch or a call: the Taylor polynomials to x⁹ and x¹⁰
+/// (the first terms left out are below 2e-9 and 2e-10 there).
 #[inline(always)]
 pub(super) fn sin_cos_octant(x: f32) -> (f32, f32) {
     debug_assert!(x.abs() <= FRAC_PI_4 * 1.000_001, "octant reduction is the caller's: {x}");

@@ -1,11 +1,11 @@
 //! Independent uniform numbers by a counter-based hash: f(index, seed, set) → four numbers, no state.
 //!
 //! The 128-bit block (index, seed, set) goes through a bijection of 32-bit multiplies, adds and shifts, so distinct
-//! addresses give distinct blocks: nothing repeats over 2³² indices, 2⁶⁴ seeds and 2³² sets. Built like the `pcg4d`
-//! hash of Jarzynski and Olano 2020 (JCGT 9:3), with its cross-multiplication run twice and a multiply between.
+//! addresses give distinct blocks: nothing repeats over 2³² indices, 2⁶⁴ seeds and 2³² sets. Built like the
+//! `pcg4d` hash of Jarzynski and Olano 2020 (JCGT 9:3), with its cross-multiplication run twice and a multiply between.
 //! Branch-free u32 arithmetic: a loop over lanes vectorises.
 
-use super::{Scheme, unit_float};
+use super::scheme::{Scheme, unit_float};
 
 /// `--sampler independent`.
 #[derive(Clone, Copy, Debug)]

@@ -1,17 +1,17 @@
 //! Owen-scrambled Sobol' points in sets of four dimensions, padded: f(index, seed, set) → four numbers, no state.
 //!
-//! Each set shuffles the index and scrambles its four dimensions by keys of its own, so every set is by itself a
-//! randomised digital sequence (a (0,2)-sequence in its first two dimensions), and different sets are independent. A seed
-//! has 2³² points; [`address`](super::address) folds the bits above into the seed.
+//! Each set shuffles the index and scrambles its four dimensions with its own keys, so every set is a randomised
+//! digital sequence (a (0,2)-sequence in its first two dimensions), and different sets are independent. A seed has
+//! 2³² points; [`address`](super::address()) folds the bits above into the seed.
 //!
 //! The generator matrices need no table. A direction-number recurrence says that the shift operator E on columns obeys
-//! p(E) = N, N a digit shift by deg p; squaring over GF(2) gives p(E²ᵏ) = N²ᵏ, so an index read as a polynomial in E is
-//! divided by p(E¹⁶), p(E⁸), … in four or five steps of shifts and masks. For p = x + 1 that is the Pascal butterfly.
-//! Sources: Joe and Kuo 2008 (direction numbers, file new-joe-kuo-6), Owen 1995 (scrambling), Laine and Karras 2011 (a
-//! hash as scrambling), Burley 2020 (JCGT 9:4, shuffled padding), Vegdahl 2021 (multipliers of the hash).
-//! Branch-free u32 arithmetic: a loop over 16 lanes vectorises.
+//! p(E) = N, N a digit shift by deg p; squaring over GF(2) gives p(E²ᵏ) = N²ᵏ, so an index read as a polynomial
+//! in E is divided by p(E¹⁶), p(E⁸), … in four or five steps of shifts and masks. For p = x + 1 that is the
+//! Pascal butterfly. Sources: Joe and Kuo 2008 (direction numbers, file new-joe-kuo-6), Owen 1995 (scrambling), Laine
+//! and Karras 2011 (a hash as scrambling), Burley 2020 (JCGT 9:4, shuffled padding), Vegdahl 2021 (multipliers of the
+//! hash). Branch-free u32 arithmetic: a loop over 16 lanes vectorises.
 
-use super::{Scheme, unit_float};
+use super::scheme::{Scheme, unit_float};
 
 /// `--sampler sobol`.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,8 @@ impl Keys {
         Keys { low, high }
     }
 
-    /// Owen scrambling of `digits`, the first digit in the lowest bit: every bit is flipped by a hash of the bits below.
+    /// Owen scrambling of `digits`, the first digit in the lowest bit: every bit is flipped by a hash of the bits
+    /// below.
     #[inline(always)]
     fn scramble(&self, digits: u32, stream: u32) -> u32 {
         // Two keys of the stream: steps of odd constants (2³²/φ, 2³²/√2) through the hashed words.
@@ -89,9 +90,9 @@ fn pascal_digits(index: u32) -> u32 {
 
 /// Third Sobol' dimension, p = x² + x + 1 (s = 2, a = 1), m = 1, 3. Digit i in bit i.
 ///
-/// A block of 2w coefficients is lo + E^w·hi (w = 16, 8, 4, 2) and E^w = E^(w/2) + 1 + N^(w/2). With hi = a + E^(w/2)·b the
-/// product E^(w/2)·hi overflows by b, which is reduced once more: lo' = lo + hi + E^(w/2)(a + b) + b, and the block above,
-/// which counts N^(w/2) (w digits up), becomes hi' = hi + b.
+/// A block of 2w coefficients is lo + E^w·hi (w = 16, 8, 4, 2) and E^w = E^(w/2) + 1 + N^(w/2). With hi = a +
+/// E^(w/2)·b the product E^(w/2)·hi overflows by b, which is reduced once more: lo' = lo + hi + E^(w/2)(a + b) + b,
+/// and the block above, which counts N^(w/2) (w digits up), becomes hi' = hi + b.
 #[inline(always)]
 fn quadratic_digits(index: u32) -> u32 {
     let x = quadratic_step::<16>(index, 0x0000_FFFF, 0x0000_00FF);
@@ -114,8 +115,8 @@ fn quadratic_step<const W: u32>(x: u32, low: u32, quarter: u32) -> u32 {
 
 /// Fourth Sobol' dimension, p = x³ + x + 1 (s = 3, a = 1), m = 1, 3, 1. Digit i in bit i.
 ///
-/// As [`quadratic_digits`] with E^(3w) = E^w + 1 + N^w for w = 8, 4, 2, 1: blocks are 24, 12, 6 and 3 wide. What lies above
-/// 3w coefficients is hi = a + E^(2w)·b: lo' = lo + hi + E^w·(a + b) + b, hi' = hi + b.
+/// As [`quadratic_digits`] with E^(3w) = E^w + 1 + N^w for w = 8, 4, 2, 1: blocks are 24, 12, 6 and 3 wide. What lies
+/// above 3w coefficients is hi = a + E^(2w)·b: lo' = lo + hi + E^w·(a + b) + b, hi' = hi + b.
 #[inline(always)]
 fn cubic_digits(index: u32) -> u32 {
     // Only 8 coefficients lie above the 24th: nothing overflows.

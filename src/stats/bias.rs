@@ -1,11 +1,12 @@
-//! The measured part of the ledger of biases. The plan's entries come first, the depth limit with what it removed; then what
-//! only a render can tell: samples that were not finite, rays that were refused.
+//! The measured part of the ledger of biases. The plan's entries come first, the depth limit with what it removed; then
+//! what only a render can tell: samples that were not finite, rays that were refused.
 //!
-//! The depth limit. W is the mean over camera samples of what capped paths still carried (`wavefront::capped`). If the
-//! light that reaches their last vertices is in the mean as bright as what reaches the camera, the picture lacks W times its
-//! true energy: with I the measured mean, W·I/(1 − W) by channel. In a furnace that is exact (HARDCASES P03). The bound
-//! takes the largest radiance there can be instead of the mean (`plan::bias`), and the 95 % point of the number of capped
-//! paths instead of the number, so that a render that met none still says how many it could have missed.
+//! The depth limit. W is the mean over camera samples of what capped paths still carried (`transport::truncation`). If
+//! the light that reaches their last vertices is in the mean as bright as what reaches the camera, the picture lacks W
+//! times its true energy: with I the measured mean, W·I/(1 − W) by channel. In a furnace that is exact (HARDCASES
+//! P03). The bound takes the largest radiance there can be instead of the mean (`plan::bias`), and the 95 % point of
+//! the number of capped paths instead of the number, so that a render that met none still says how many it could have
+//! missed.
 
 use crate::film::Film;
 use crate::film::exr::through_half;
@@ -48,13 +49,13 @@ fn measure_depth(depth: &mut Bias, plan: &RenderPlan, render: &Render) {
         return;
     }
     let n = counters.paths as f64;
-    let carried = counters.capped.carried().map(|sum| sum / n);
+    let carried = counters.truncated.carried().map(|sum| sum / n);
     let mean = render.film.mean();
     let image: [f64; 3] = std::array::from_fn(|c| mean[c].max(0.0));
     depth.energy_removed = share_removed(image, std::array::from_fn(|c| carried[c] * image[c] / (1.0 - carried[c])));
 
     // As many paths as could have been met, each carrying as much as those that were; without any, all a path can.
-    let met = counters.capped.paths as f64;
+    let met = counters.truncated.paths as f64;
     let most = poisson_upper(met).min(n);
     let most_carried = |c: usize| if met > 0.0 { carried[c] * most / met } else { most / n };
     depth.energy_removed_at_most = plan
@@ -69,7 +70,8 @@ fn share_removed(image: [f64; 3], removed: [f64; 3]) -> Option<f64> {
     (share.is_finite() && (0.0..=1.0).contains(&share)).then_some(share)
 }
 
-/// 95 % upper bound of the mean of a Poisson variable that came out as `count` (Wilson–Hilferty; 2.97 for 0, exact 3.00).
+/// 95 % upper bound of the mean of a Poisson variable that came out as `count` (Wilson–Hilferty; 2.97 for 0, exact
+/// 3.00).
 fn poisson_upper(count: f64) -> f64 {
     let next = count + 1.0;
     next * (1.0 - 1.0 / (9.0 * next) + NORMAL_95_ONE_SIDED / (3.0 * next.sqrt())).powi(3)

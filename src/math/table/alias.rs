@@ -1,8 +1,8 @@
-//! Discrete distribution with draws in constant time: buckets of equal size, each shared by two cells at most.
-//! Source: Walker 1977 (ACM TOMS 3:3), built as by Vose 1991 (IEEE Trans. Softw. Eng. 17:9), here in integers, so no cell
-//! is left over. Limit: 2^24 cells.
+//! Discrete distribution with draws in constant time: buckets of equal size, each shared by two cells at most. Source:
+//! Walker 1977 (ACM TOMS 3:3), built as by Vose 1991 (IEEE Trans. Softw. Eng. 17:9), here in integers, so no cell is
+//! left over. Limit: 2^24 cells.
 
-use super::{LATTICE, STEP, TableError, apportion, lattice_step};
+use super::lattice::{LATTICE, STEP, TableError, apportion, lattice_step};
 
 /// A cell drawn from an [`AliasTable`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,7 +11,7 @@ pub struct Choice {
     pub index: u32,
     /// Probability with which it is drawn.
     pub p: f32,
-    /// What is left of the random number, in [0,1): uniform again, with as many bits as the cell had steps.
+    /// The rest of the random number, rescaled to [0,1): uniform again, with as many bits as the cell had steps.
     pub u: f32,
 }
 
@@ -107,7 +107,7 @@ impl AliasTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::table::BELOW_ONE;
+    use crate::math::table::lattice::BELOW_ONE;
 
     /// Draws every value of the lattice once, so counts must equal the reported probability: no statistics, no false
     /// alarms.

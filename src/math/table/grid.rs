@@ -1,9 +1,9 @@
-//! Piecewise constant distribution over a grid of cells: a row is drawn by its sum, then a column within the row, each by
-//! inversion, so that neighbouring numbers lie in neighbouring cells. Probabilities are those of cells, or densities per
-//! unit of area of the unit square. Limit: 2^24 cells along each axis.
+//! Piecewise constant distribution over a grid of cells: a row is drawn by its sum, then a column within the row, each
+//! by inversion, so that neighbouring numbers lie in neighbouring cells. Probabilities are those of cells, or densities
+//! per unit of area of the unit square. Limit: 2^24 cells along each axis.
 
 use super::guide::{Guide, invert};
-use super::{BELOW_ONE, STEP, TableError, apportion};
+use super::lattice::{BELOW_ONE, STEP, TableError, apportion};
 
 /// A cell drawn from a [`Distribution2D`], and a point in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -55,7 +55,8 @@ pub struct Distribution2D {
 }
 
 impl Distribution2D {
-    /// The distribution proportional to the weights that `fill_row(row, weights)` writes; `weights` has `width` entries.
+    /// The distribution proportional to the weights that `fill_row(row, weights)` writes; `weights` has `width`
+    /// entries.
     pub fn new(width: u32, height: u32, mut fill_row: impl FnMut(u32, &mut [f64])) -> Result<Self, TableError> {
         let stride = width as usize + 1;
         let mut weights = vec![0.0; width as usize];
@@ -101,8 +102,8 @@ impl Distribution2D {
         }
     }
 
-    /// [`sample_cell`](Self::sample_cell) for `N` points together. A search reads two tables one after the other, and each is a wait
-    /// for memory where the grid is large: those of different points overlap.
+    /// [`sample_cell`](Self::sample_cell) for `N` points together. A search reads two tables one after the other, and
+    /// each is a wait for memory where the grid is large: those of different points overlap.
     #[inline(always)]
     pub fn sample_cells<const N: usize>(&self, u: &[f32; N], v: &[f32; N]) -> Cells<N> {
         let rows = invert(&self.rows, self.height as usize + 1, &self.row_guide, &[0; N], v);
@@ -134,7 +135,7 @@ impl Distribution2D {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::table::{LATTICE, lattice_step};
+    use crate::math::table::lattice::{LATTICE, lattice_step};
 
     /// Exhaustive along each axis; the joint law is the product because the two numbers are used apart.
     #[test]
@@ -164,8 +165,8 @@ mod tests {
         }
     }
 
-    /// Oracle: the cells in ascending order, one after the other. Weights from none to a cell that holds nearly everything, so
-    /// that searches end at once and go far. Exact, deterministic.
+    /// Oracle: the cells in ascending order, one after the other. Weights from none to a cell that holds nearly
+    /// everything, so that searches end at once and go far. Exact, deterministic.
     #[test]
     fn cells_of_many_points_are_those_of_a_linear_search() {
         let (width, height) = (100, 7);

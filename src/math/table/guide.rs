@@ -1,11 +1,11 @@
-//! Inversion of cumulative steps along one axis: which cell a number in [0,1) falls into, and where in the cell. A guide
-//! says where to begin; `N` searches go side by side, since each waits for memory where tables are large.
+//! Inversion of cumulative steps along one axis: which cell a number in [0,1) falls into, and where in the cell. A
+//! guide says where to begin; `N` searches go side by side, since each waits for memory where tables are large.
 
-use super::{BELOW_ONE, LATTICE, STEP, lattice_step};
+use super::lattice::{BELOW_ONE, LATTICE, STEP, lattice_step};
 
-/// Where to look in cumulative steps: [0,1) cut into as many equal parts as there are cells, and the cell at the start of
-/// each part. Inversion then searches between two neighbours: in constant time on the average, and as exact as before.
-/// Source: Chen and Asau 1974 (AIIE Trans. 6:2).
+/// Where to look in cumulative steps: [0,1) cut into as many equal parts as there are cells, and the cell at the start
+/// of each part. Inversion then searches between two neighbours: in constant time on the average, and as exact as
+/// before. Source: Chen and Asau 1974 (AIIE Trans. 6:2).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guide {
     /// For each table, its number of parts + 1 cells.
@@ -43,8 +43,8 @@ impl Guide {
         }
     }
 
-    /// For each lane the first cell of table `tables[i]` that ends after `steps[i]`. `cumulative` are the tables one after
-    /// the other, `stride` entries each.
+    /// For each lane the first cell of table `tables[i]` that ends after `steps[i]`. `cumulative` are the tables one
+    /// after the other, `stride` entries each.
     #[inline(always)]
     fn find<const N: usize>(&self, cumulative: &[u32], stride: usize, tables: &[u32; N], steps: &[u32; N]) -> Found<N> {
         let (mut first, mut last) = ([0; N], [0; N]);
@@ -81,8 +81,8 @@ pub(super) struct Inverted<const N: usize> {
     pub p: [f32; N],
 }
 
-/// The cells of cumulative steps that the numbers `u` fall into. The position within takes the middle of each step: a cell of
-/// few steps is then covered by a midpoint rule instead of its left edges.
+/// The cells of cumulative steps that the numbers `u` fall into. The position within takes the middle of each step: a
+/// cell of few steps is then covered by a midpoint rule instead of its left edges.
 #[inline(always)]
 pub(super) fn invert<const N: usize>(
     cumulative: &[u32],
