@@ -70,9 +70,9 @@ fn instance_bounds(placement: &Placement, mesh: Bounds, reach: DVec3) -> Bounds 
     bounds_with_room(placement, mesh, reach, 1.0)
 }
 
-/// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold them. Inverses
-/// between two poses may be larger than theirs: by up to 64 times for turns and changes of size (`scene::motion::Track::problem`); a
-/// shear that changes by more than 700 times within a part is beyond this.
+/// The same of an instance that moves: its corners run along straight lines between the poses, so the boxes there hold
+/// them. Inverses between two poses may be larger than theirs: by up to 64 times for turns and changes of size
+/// (`scene::motion::Track::problem`); a shear that changes by more than 700 times within a part is beyond this.
 fn moving_bounds(steps: &[Placement], mesh: Bounds, reach: DVec3) -> Bounds {
     let boxes = steps.iter().map(|step| bounds_with_room(step, mesh, reach, 64.0));
     boxes.fold(Bounds::EMPTY, Bounds::union)

@@ -1,16 +1,17 @@
-//! Every ray against every triangle: the oracle that the other backends are held against. Exact in what it visits, slow
-//! by design, always compiled.
+//! Every ray against every triangle: the oracle of the other backends. Exact in what it visits, slow by design, always
+//! compiled.
 //!
 //! Tie rule, shared with `obvhs`: at equal `t` the lowest (instance, mesh, triangle) wins, and triangles of the world
 //! mesh come before instances. Triangles without area are never reported. `ng` of the hit is left 0.
 
 use glam::Vec3;
 
-use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
-use super::triangle::{Closest, Rank, Ray, RayShear, TriangleHit};
+use super::batch::{Batch, INVALID_ID, LANES, RayBlock, RayHitBlock};
+use super::past::{Past, Without, key_of};
+use super::triangle::{Closest, Rank, Ray, RayByRay, RayShear, TriangleHit};
 use super::{Backend, BackendInfo, BackendKind, Coherence, QueryMode};
-use crate::scene::geometry::{Geometry, Placement};
-use crate::scene::placement::Moving;
+use crate::math::lanes::lanes_of;
+use crate::scene::geometry::{Geometry, Moving, Placement};
 
 /// One triangle of a mesh.
 struct Face {
@@ -73,58 +74,49 @@ impl Brute {
     }
 }
 
+impl Brute {
+    fn trace<B: RayByRay>(&self, blocks: &mut [B], len: usize, without: impl Without) -> u64 {
+        let mut first = 0;
+        Batch::new(blocks, len).for_each(|block, valid| {
+            for lane in lanes_of(valid) {
+                let ray = Ray::of_lane(block.rays(), lane);
+                let mut closest = Closest::none(ray.tfar);
+                self.each_hit(ray, block.rays().time[lane], |hit, rank| {
+                    if without.is_passed(first + lane, key_of(rank.0, rank.2)) {
+                        return true;
+                    }
+                    closest.offer(hit, rank);
+                    !B::ANY
+                });
+                block.store(lane, &closest);
+            }
+            first += LANES;
+        })
+    }
+}
+
 impl Backend for Brute {
     fn info(&self) -> &BackendInfo {
         &self.info
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {
-        let mut invalid = 0;
-        for (block, lanes) in blocks.iter_mut().zip(lane_counts(len)) {
-            block.clear_hits();
-            let valid = valid_lanes(&block.ray, lanes);
-            invalid += u64::from(lanes as u32 - valid.count_ones());
-            for lane in (0..lanes).filter(|lane| valid >> lane & 1 == 1) {
-                let ray = Ray::of_lane(&block.ray, lane);
-                let mut closest = Closest::none(ray.tfar);
-                self.each_hit(ray, block.ray.time[lane], |hit, rank| {
-                    closest.offer(hit, rank);
-                    true
-                });
-                closest.store(block, lane);
-            }
-        }
-        invalid
+        self.trace(blocks, len, ())
+    }
+
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64 {
+        self.trace(blocks, len, past.lanes())
     }
 
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
-        let mut invalid = 0;
-        for (block, lanes) in blocks.iter_mut().zip(lane_counts(len)) {
-            let valid = valid_lanes(block, lanes);
-            invalid += u64::from(lanes as u32 - valid.count_ones());
-            for lane in (0..lanes).filter(|lane| valid >> lane & 1 == 1) {
-                let mut blocked = false;
-                self.each_hit(Ray::of_lane(block, lane), block.time[lane], |_, _| {
-                    blocked = true;
-                    false
-                });
-                if blocked {
-                    block.tfar[lane] = BLOCKED;
-                }
-            }
-        }
-        invalid
+        self.trace(blocks, len, ())
     }
-}
-
-/// How many lanes of each block belong to a batch of `len` rays; ends with the batch.
-fn lane_counts(len: usize) -> impl Iterator<Item = usize> {
-    (0..len).step_by(LANES).map(move |first| (len - first).min(LANES))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::geometry::NO_MATERIAL;
     use crate::scene::geometry::TriangleMesh;
     use glam::{Affine3A, Mat3A};
 
@@ -140,8 +132,8 @@ mod tests {
         block.hit(0)
     }
 
-    /// Oracle: the tie rule. Two copies of a triangle in the world and two instances of them coincide: the world's first wins;
-    /// without the world's, the first instance's first.
+    /// Oracle: the tie rule. Two copies of a triangle in the world and two instances of them coincide: the world's
+    /// first wins; without the world's, the first instance's first.
     #[test]
     fn lowest_id_wins_at_equal_distance() {
         let place = Placement {
@@ -149,6 +141,7 @@ mod tests {
             world_from_object: Affine3A::IDENTITY,
             object_from_world: Affine3A::IDENTITY,
             world_from_normal: Mat3A::IDENTITY,
+            material: NO_MATERIAL,
         };
         let mut geometry = Geometry {
             meshes: vec![triangle_at(0.0), triangle_at(0.0)],
@@ -172,6 +165,7 @@ mod tests {
             world_from_object: world,
             object_from_world: world.inverse(),
             world_from_normal: Mat3A::IDENTITY,
+            material: NO_MATERIAL,
         };
         let geometry = Geometry {
             meshes: vec![TriangleMesh::default(), triangle_at(0.0)],

@@ -1,26 +1,28 @@
 //! Ray queries behind one trait. A backend sees geometry and rays; it never sees materials, lights or the plan.
 //!
-//! Five stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust), [`flat`] (scenes of few
-//! faces, without a hierarchy), [`joint`] (a few large faces by `flat`, the rest by `obvhs`) and `embree` (Debian's library,
-//! feature `embree`).
+//! Five stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust), [`flat`]
+//! (scenes of few faces, without a hierarchy), [`joint`] (a few large faces by `flat`, the rest by `obvhs`) and
+//! `embree` (Debian's library, feature `embree`). [`select`] chooses among them and builds them.
 
 pub mod batch;
 mod bounds;
 pub mod brute;
 #[cfg(feature = "embree")]
-#[allow(unsafe_code)] // Fence 1 of 5: the Embree API.
+#[allow(unsafe_code)] // Fence 1 of 3: the Embree API.
 pub mod embree;
 pub mod flat;
 pub mod joint;
 pub mod obvhs;
+pub mod past;
+pub mod select;
+pub mod size;
 pub mod triangle;
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::error::Result;
-use crate::scene::geometry::{Geometry, TriangleMesh};
 use batch::{RayBlock, RayHitBlock};
+use past::Past;
 
 /// Whether neighbouring rays of a batch run alike. A hint: the hits do not depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,35 +102,6 @@ impl BackendKind {
     pub const ALL: [BackendKind; 5] =
         [BackendKind::Embree, BackendKind::Obvhs, BackendKind::Flat, BackendKind::FlatObvhs, BackendKind::Brute];
 
-    /// Whether this build has the backend and it can trace `geometry`.
-    pub fn traces(self, geometry: &Geometry) -> bool {
-        match self {
-            BackendKind::Flat => flat::can_trace(geometry),
-            _ => BackendKind::available().contains(&self),
-        }
-    }
-
-    /// The fastest backend of this build for `geometry`.
-    pub fn fastest(geometry: &Geometry) -> BackendKind {
-        if flat::suits(geometry) {
-            return BackendKind::Flat;
-        }
-        let first = BackendKind::available()[0];
-        // Embree is as good on small meshes, and builds large ones sooner.
-        let is_large = || joint::TRIANGLES.contains(&geometry.triangles.len());
-        let divided = (first != BackendKind::Embree || is_large()) && joint::suits(geometry);
-        if divided { BackendKind::FlatObvhs } else { first }
-    }
-
-    /// Whether the backend can be held to instruction set `isa`, given a processor that has it.
-    pub fn pins(self, isa: &str) -> bool {
-        match self {
-            BackendKind::Embree => true,
-            BackendKind::Obvhs | BackendKind::FlatObvhs => matches!(isa, "avx2" | "avx512"),
-            BackendKind::Flat | BackendKind::Brute => false,
-        }
-    }
-
     /// The backends of this build that trace any scene; the first is taken where the scene does not say otherwise.
     pub fn available() -> &'static [BackendKind] {
         if cfg!(feature = "embree") {
@@ -159,7 +132,7 @@ impl FromStr for QueryMode {
     }
 }
 
-/// What is asked of a backend when it is built.
+/// Options of building a backend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackendOptions {
     /// How closest-hit rays with the incoherent hint are traced.
@@ -170,6 +143,9 @@ pub struct BackendOptions {
     pub shadow: QueryMode,
     /// Robust traversal (no ray may slip between triangles). Off only as a measured choice.
     pub robust: bool,
+    /// Whether rays go on past what they hit ([`Backend::closest_hit_past`]): of exact copies of a triangle all are
+    /// then kept.
+    pub passes: bool,
     /// Instruction set to pin, in the backend's own spelling ("avx2"); `None` lets it choose.
     pub isa: Option<String>,
     /// Threads that build the hierarchy; 0 means all.
@@ -183,6 +159,7 @@ impl Default for BackendOptions {
             coherent: QueryMode::Packet16,
             shadow: QueryMode::Packet16,
             robust: true,
+            passes: false,
             isa: None,
             build_threads: 0,
         }
@@ -198,6 +175,7 @@ impl BackendOptions {
 
 /// What a backend says of itself.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BackendInfo {
     /// Which one.
     pub kind: BackendKind,
@@ -205,8 +183,8 @@ pub struct BackendInfo {
     pub version: String,
     /// Instruction set that runs: "avx512", "avx2", …
     pub isa: String,
-    /// Effective mode of incoherent closest-hit rays: a [`QueryMode`] name, or "packet-loop" where a stream was asked for
-    /// and the library has none.
+    /// Effective mode of incoherent closest-hit rays: a [`QueryMode`] name, or "packet-loop" where a stream was asked
+    /// for and the library has none.
     pub rays_incoherent: &'static str,
     /// Effective mode of coherent closest-hit rays.
     pub rays_coherent: &'static str,
@@ -226,34 +204,17 @@ pub trait Backend: Send + Sync {
     /// Name, version, instruction set, effective query modes.
     fn info(&self) -> &BackendInfo;
 
-    /// Finds the closest hit of the first `len` rays of `blocks` (lane-major, `len ≤ 16·blocks.len()`): writes the hit
-    /// columns and `tfar`; lanes without a hit get `geom = INVALID_ID`. Returns the number of invalid rays, which
+    /// Finds the closest hit of the first `len` rays of `blocks` (lane-major, `len ≤ 16·blocks.len()`): writes the
+    /// hit columns and `tfar`; lanes without a hit get `geom = INVALID_ID`. Returns the number of invalid rays, which
     /// count as misses.
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, hint: Coherence) -> u64;
+
+    /// [`closest_hit`](Backend::closest_hit) for rays that go on: the triangles that `past` lists for a lane do not
+    /// count for its ray. `tnear` lies before the last of them by more than the rounding of its distance. Exact copies
+    /// of a triangle all count only where [`BackendOptions::passes`] said so.
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64;
 
     /// Sets `tfar` to [`batch::BLOCKED`] on each of the first `len` rays that hits anything in `[tnear, tfar]`.
     /// Returns the number of invalid rays; they count as unblocked and keep their `tfar`.
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, hint: Coherence) -> u64;
-}
-
-/// Builds the backend `kind` over `geometry`.
-///
-/// # Errors
-/// [`Error::Backend`](crate::Error::Backend) when the library is not in this build or refuses.
-pub fn build(kind: BackendKind, geometry: &Geometry, options: &BackendOptions) -> Result<Box<dyn Backend>> {
-    let none = TriangleMesh::default();
-    let world = geometry.meshes.first().unwrap_or(&none);
-    match kind {
-        #[cfg(feature = "embree")]
-        BackendKind::Embree => Ok(Box::new(embree::Embree::build(geometry, options)?)),
-        #[cfg(not(feature = "embree"))]
-        BackendKind::Embree => Err(crate::Error::Backend {
-            backend: "embree",
-            problem: "this build has no Embree (cargo feature `embree` is off); use --backend obvhs".into(),
-        }),
-        BackendKind::Obvhs => Ok(Box::new(obvhs::Obvhs::build(geometry, world, options)?)),
-        BackendKind::Flat => Ok(Box::new(flat::Flat::build(geometry, options)?)),
-        BackendKind::FlatObvhs => Ok(Box::new(joint::Joint::build(geometry, options)?)),
-        BackendKind::Brute => Ok(Box::new(brute::Brute::build(geometry))),
-    }
 }

@@ -1,18 +1,19 @@
-//! Watertight ray–triangle test: a ray that passes over a shared edge or vertex hits at least one of the triangles there.
+//! Watertight ray–triangle test: a ray that passes over a shared edge or vertex hits at least one of the triangles
+//! there.
 //!
 //! The ray is sheared onto its largest axis once (`RayShear`); a triangle is then a 2D problem whose three edge
-//! functions have exactly opposite signs for the two owners of an edge. A product difference rounds to the right sign or
-//! to zero, so a zero is settled in f64, where the products are exact. Edges and vertices belong to both sides; both
-//! faces are hit; `tnear ≤ t ≤ tfar` is inclusive. `t` is in units of the direction's length, never of its own.
-//! One source serves one triangle (`intersect`, the oracle) and blocks of N (`intersect_lanes`):
-//! the operations and their order are the same, so the numbers are too (Rust never contracts to FMA by itself).
-//! Source: Woop, Benthin, Wald 2013 (JCGT 2:1); here weights are divided first and the depth is interpolated by
-//! differences: 10¹⁸ m coordinates do not overflow, and a plane across the ray is hit at its exact distance.
-//! Limit: a triangle seen exactly edge-on is not hit (its neighbours are).
+//! functions have exactly opposite signs for the two owners of an edge. A product difference rounds to the right sign
+//! or to zero, so a zero is settled in f64, where the products are exact. Edges and vertices belong to both sides; both
+//! faces are hit; `tnear ≤ t ≤ tfar` is inclusive. `t` is in units of the direction's length, whatever that is. One
+//! source serves one triangle (`intersect`, the oracle) and blocks of N (`intersect_lanes`): the operations and their
+//! order are the same, so the numbers are too (Rust never contracts to FMA). Source: Woop, Benthin, Wald 2013
+//! (JCGT 2:1); here weights are divided first and the depth is interpolated by differences: 10¹⁸ m coordinates do
+//! not overflow, and a plane across the ray is hit at its exact distance. Limit: a triangle seen exactly edge-on is not
+//! hit (its neighbours are).
 
 use glam::{DVec3, Vec3};
 
-use crate::backend::batch::{RayBlock, RayHitBlock};
+use crate::backend::batch::{BLOCKED, Block, RayBlock, RayHitBlock};
 use crate::scene::geometry::Placement;
 pub(crate) use crate::scene::geometry::is_degenerate;
 
@@ -99,17 +100,40 @@ impl Closest {
             *self = Closest { hit, rank };
         }
     }
+}
+
+/// A block whose rays are traced one by one.
+pub(crate) trait RayByRay: Block {
+    /// Whether any hit will do.
+    const ANY: bool;
 
     /// Writes the hit, if there is one, to a lane that was cleared.
+    fn store(&mut self, lane: usize, closest: &Closest);
+}
+
+impl RayByRay for RayHitBlock {
+    const ANY: bool = false;
+
     #[inline(always)]
-    pub fn store(&self, block: &mut RayHitBlock, lane: usize) {
-        if self.is_hit() {
-            block.ray.tfar[lane] = self.hit.t;
-            block.hit.u[lane] = self.hit.u;
-            block.hit.v[lane] = self.hit.v;
-            block.hit.inst[lane] = self.rank.0.wrapping_sub(1);
-            block.hit.geom[lane] = self.rank.1;
-            block.hit.prim[lane] = self.rank.2;
+    fn store(&mut self, lane: usize, closest: &Closest) {
+        if closest.is_hit() {
+            self.ray.tfar[lane] = closest.hit.t;
+            self.hit.u[lane] = closest.hit.u;
+            self.hit.v[lane] = closest.hit.v;
+            self.hit.inst[lane] = closest.rank.0.wrapping_sub(1);
+            self.hit.geom[lane] = closest.rank.1;
+            self.hit.prim[lane] = closest.rank.2;
+        }
+    }
+}
+
+impl RayByRay for RayBlock {
+    const ANY: bool = true;
+
+    #[inline(always)]
+    fn store(&mut self, lane: usize, closest: &Closest) {
+        if closest.is_hit() {
+            self.tfar[lane] = BLOCKED;
         }
     }
 }
@@ -227,10 +251,10 @@ impl RayShear {
     }
 }
 
-/// Weights and depth of a hit from sheared vertices, in f64: products of f32 are exact there. In f32 the rounding of the
-/// weights would be amplified by the triangle's aspect ratio and by 1/cos where it is grazed, and a ray could meet the
-/// triangle it was spawned on; so only the rounding of the vertices is left (table of `math::float`). Exactly edge-on,
-/// t is NaN, which no range accepts.
+/// Weights and depth of a hit from sheared vertices, in f64: products of f32 are exact there. In f32 the rounding of
+/// the weights would be amplified by the triangle's aspect ratio and by 1/cos where it is grazed, and a ray could meet
+/// the triangle it was spawned on; so only the rounding of the vertices is left (table of `math::float`). Exactly
+/// edge-on, t is NaN, which no range accepts.
 #[inline(always)]
 pub(crate) fn hit_of(a: DVec3, b: DVec3, c: DVec3, dz: f32) -> TriangleHit {
     let edge = |p: DVec3, q: DVec3| p.x * q.y - p.y * q.x;

@@ -90,7 +90,7 @@ fn pkg_config(name: &str) -> Option<Found> {
     let dirs =
         |flag: &str| text.split_whitespace().filter_map(|word| word.strip_prefix(flag)).map(PathBuf::from).collect();
     let mut includes: Vec<PathBuf> = dirs("-I");
-    // pkg-config leaves out what the compiler searches by itself.
+    // pkg-config leaves out what the compiler searches anyway.
     includes.push("/usr/include".into());
     let (include, major) = includes.into_iter().find_map(|dir| major_in(&dir).map(|major| (dir, major)))?;
     Some(Found { major, include, lib_dirs: dirs("-L"), run_path: false })
@@ -127,7 +127,7 @@ fn generate(found: &Found, header: &str, target: &Path) -> Result<(), String> {
         .allowlist_function("rtcSet(NewGeometryBuffer|Geometry(Mask|InstancedScene|TimeStepCount|Transform))")
         .allowlist_function("rtc(CommitGeometry|CommitScene|AttachGeometryByID|SetSceneFlags|SetSceneBuildQuality)")
         .allowlist_function("rtc(Intersect|Occluded)(1|4|8|16)|rtcIntersectNM|rtcOccluded1M")
-        .allowlist_type("RTC(Ray|Hit|RayHit)(4|8|16)?|RTCBounds")
+        .allowlist_type("RTC(Ray|Hit|RayHit)(4|8|16)?|RTCBounds|RTCFilterFunctionNArguments")
         .allowlist_type("RTC(IntersectContext|IntersectArguments|OccludedArguments|FeatureFlags|RayQueryFlags)")
         .allowlist_type("RTC(Format|BufferType|GeometryType|BuildQuality|SceneFlags|DeviceProperty|Error)")
         .allowlist_var("RTC_(VERSION_MAJOR|VERSION_MINOR|VERSION_PATCH|MAX_INSTANCE_LEVEL_COUNT)")
@@ -151,7 +151,8 @@ fn generate(found: &Found, header: &str, target: &Path) -> Result<(), String> {
 fn fail(problem: &str) -> ! {
     println!(
         "cargo::error=Embree: {problem}. On Debian: `apt-get install libembree-dev libclang-dev` (or `make setup`); \
-         elsewhere set EMBREE_DIR to a prefix with include/ and lib/; or build with --no-default-features, without Embree."
+         elsewhere set EMBREE_DIR to a prefix with include/ and lib/; or build without Embree: \
+         --no-default-features --features cli."
     );
     exit(1);
 }

@@ -10,9 +10,8 @@ pub(super) use pathspace_embree_sys as sys;
 use sys::{RTCHit16, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16, RTCScene};
 
 use crate::backend::Coherence;
-#[cfg(embree_major = "3")]
-use crate::backend::batch::INVALID_ID;
-use crate::backend::batch::{HitBlock, LANES, RayBlock, RayHitBlock};
+use crate::backend::batch::{HitBlock, INVALID_ID, LANES, RayBlock, RayHitBlock};
+use crate::backend::past::{Key, key_of};
 
 /// Whether this Embree traces streams natively.
 pub(super) const HAS_STREAMS: bool = cfg!(embree_major = "3");
@@ -117,14 +116,79 @@ const _: () = {
 };
 
 /// What goes with each call: Embree 4's two argument structures, or Embree 3's context. One per batch and thread,
-/// because Embree 3 keeps its instance stack in it.
+/// because Embree 3 keeps its instance stack in it. The context comes first: [`leave_out`] finds the query by its
+/// address.
+#[repr(C)]
 pub(super) struct Query {
+    #[cfg(embree_major = "4")]
+    context: sys::RTCRayQueryContext,
     #[cfg(embree_major = "4")]
     intersect: sys::RTCIntersectArguments,
     #[cfg(embree_major = "4")]
     occluded: sys::RTCOccludedArguments,
     #[cfg(embree_major = "3")]
     context: sys::RTCIntersectContext,
+    /// Triangles that do not count, in queries [`without`](Query::without) some.
+    passed: Vec<Key>,
+}
+
+impl Query {
+    /// A query of single rays for which triangles that they have passed do not count.
+    pub(super) fn without() -> Self {
+        let mut query = Query::new(Coherence::Incoherent);
+        #[cfg(embree_major = "4")]
+        {
+            let flags = query.intersect.flags.0 | INVOKE_FILTER.0;
+            query.intersect.flags = sys::RTCRayQueryFlags(flags);
+            query.intersect.filter = Some(leave_out);
+        }
+        #[cfg(embree_major = "3")]
+        {
+            query.context.filter = Some(leave_out);
+        }
+        query
+    }
+
+    /// Sets what the next ray has passed.
+    #[inline]
+    pub(super) fn pass(&mut self, passed: impl Iterator<Item = Key>) {
+        self.passed.clear();
+        self.passed.extend(passed);
+    }
+}
+
+/// The scene asks the filters of queries.
+#[cfg(embree_major = "4")]
+const FILTERS: sys::RTCSceneFlags = sys::RTCSceneFlags::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+#[cfg(embree_major = "3")]
+const FILTERS: sys::RTCSceneFlags = sys::RTCSceneFlags::RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
+
+/// Flags of a scene: whether no ray may slip between triangles, and whether there are queries
+/// [`without`](Query::without) some.
+pub(super) fn scene_flags(robust: bool, filters: bool) -> sys::RTCSceneFlags {
+    let flag = |is_set: bool, flag: sys::RTCSceneFlags| if is_set { flag.0 } else { 0 };
+    sys::RTCSceneFlags(flag(robust, sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST) | flag(filters, FILTERS))
+}
+
+/// Embree 4 asks the filter of a query for every geometry.
+#[cfg(embree_major = "4")]
+const INVOKE_FILTER: sys::RTCRayQueryFlags = sys::RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
+
+/// Embree's question whether a hit of [`intersect1`] counts.
+unsafe extern "C" fn leave_out(args: *const sys::RTCFilterFunctionNArguments) {
+    // SAFETY: Embree passes arguments that live during the call.
+    let args = unsafe { &*args };
+    // SAFETY: the context is the first field of the query that `intersect1` was called with, by a pointer to all of it;
+    // nobody writes to its `passed` during the call.
+    let passed = unsafe { &*std::ptr::addr_of!((*args.context.cast::<Query>()).passed) };
+    // SAFETY: a call for one ray has one hit, in the layout of RTCHit.
+    let hit = unsafe { &*args.hit.cast::<sys::RTCHit>() };
+    // The id of an instance in the top scene is its number + 1.
+    let instance = if hit.instID[0] == INVALID_ID { 0 } else { hit.instID[0] };
+    if passed.contains(&key_of(instance, hit.primID)) {
+        // SAFETY: as above: one word.
+        unsafe { args.valid.write(0) };
+    }
 }
 
 #[cfg(embree_major = "4")]
@@ -137,6 +201,8 @@ impl Query {
         };
         let feature_mask = sys::RTCFeatureFlags::RTC_FEATURE_FLAG_ALL;
         Query {
+            context: sys::RTCRayQueryContext { instID: [INVALID_ID], ..Default::default() },
+            passed: Vec::new(),
             intersect: sys::RTCIntersectArguments { flags, feature_mask, ..Default::default() },
             occluded: sys::RTCOccludedArguments { flags, feature_mask, ..Default::default() },
         }
@@ -151,7 +217,8 @@ impl Query {
             Coherence::Coherent => sys::RTCIntersectContextFlags::RTC_INTERSECT_CONTEXT_FLAG_COHERENT,
             Coherence::Incoherent => sys::RTCIntersectContextFlags::RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT,
         };
-        Query { context: sys::RTCIntersectContext { flags, instID: [INVALID_ID], ..Default::default() } }
+        let context = sys::RTCIntersectContext { flags, instID: [INVALID_ID], ..Default::default() };
+        Query { context, passed: Vec::new() }
     }
 }
 
@@ -190,15 +257,20 @@ calls! {
 /// `scene` is alive, committed and unchanged during the call; the ray is valid.
 #[inline(always)]
 pub(super) unsafe fn intersect1(scene: RTCScene, ray: &mut RTCRayHit, query: &mut Query) {
-    // SAFETY: the caller vouches for the scene and the ray; the type is Embree's own.
+    let whole = std::ptr::from_mut(query);
+    // SAFETY: the caller vouches for the scene and the ray; the type is Embree's own. The context is the query's first
+    // field, reached by a pointer to all of it.
     #[cfg(embree_major = "4")]
     unsafe {
-        sys::rtcIntersect1(scene, ray, &mut query.intersect)
+        if (*whole).intersect.filter.is_some() {
+            (*whole).intersect.context = whole.cast();
+        }
+        sys::rtcIntersect1(scene, ray, std::ptr::addr_of_mut!((*whole).intersect))
     };
     // SAFETY: as above; the context belongs to this thread.
     #[cfg(embree_major = "3")]
     unsafe {
-        sys::rtcIntersect1(scene, &mut query.context, ray)
+        sys::rtcIntersect1(scene, whole.cast(), ray)
     };
 }
 

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::abi::sys;
-use crate::{Error, Result};
+use crate::{Error, Result, machine};
 
 /// Instruction sets that can be pinned, with the packet width that proves them.
 const ISAS: [(&str, sys::RTCDeviceProperty); 5] = [
@@ -42,8 +42,8 @@ unsafe impl Send for Device {}
 unsafe impl Sync for Device {}
 
 impl Device {
-    /// Opens a device with `threads` for building (0: all) and, if given, a pinned instruction set. `narrow` hierarchies have
-    /// four children a node instead of what Embree chooses.
+    /// Opens a device with `threads` for building (0: all) and, if given, a pinned instruction set. `narrow`
+    /// hierarchies have four children a node instead of what Embree chooses.
     pub(super) fn open(isa: Option<&str>, threads: usize, narrow: bool) -> Result<Self> {
         // The caller's threads stay where the system puts them, and no file in a home folder changes what is traced.
         let mut config = "set_affinity=0,ignore_config_files=1".to_string();
@@ -58,6 +58,11 @@ impl Device {
             config += &format!(",isa={name}");
         }
         let config = CString::new(config).expect("only digits and names from ISAS");
+
+        // Its scheduler ends the process where it cannot start a thread.
+        let wanted = machine::threads(threads);
+        machine::can_start(wanted - 1)
+            .map_err(|reason| failure(format!("cannot start {wanted} threads to build with: {reason}")))?;
 
         // SAFETY: the string is terminated and only read during the call.
         let raw = unsafe { sys::rtcNewDevice(config.as_ptr()) };
@@ -128,6 +133,11 @@ impl Device {
     }
 
     /// One of the device's numbers.
+    /// Whether it traces packets of 16 rays as such.
+    pub(super) fn is_wide(&self) -> bool {
+        self.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0
+    }
+
     fn property(&self, property: sys::RTCDeviceProperty) -> isize {
         // SAFETY: `raw` is alive.
         unsafe { sys::rtcGetDeviceProperty(self.raw, property) }

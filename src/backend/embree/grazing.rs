@@ -1,24 +1,25 @@
-//! Hits of rays nearly parallel to their triangle, looked at again in f64.
+//! Hits of rays nearly parallel to their triangle, recomputed in f64.
 //!
-//! Embree tests the edges of a triangle relative to the ray's origin in f32. The error of its weights and distances grows
-//! with the way to the triangle over the triangle's size and over the cosine: seen from 5·10⁴ away at 10⁻⁴ rad, 40 301 of 46 114
-//! hits on triangles of about 11 × 1 passed beside them, 5904 with distances that no point of the triangle has, by up to
-//! 8·10⁴ (3.13.5, ROBUST). So the numbers of every hit below [`GRAZING`] are computed anew. A ray that passes further from
-//! the triangle than rounding of its input explains has no hit there; it is traced again beyond, from close by, where Embree's
-//! error is small, so that the neighbour is found that it took the triangle for.
+//! Embree tests the edges of a triangle relative to the ray's origin in f32. The error of its weights and distances
+//! grows with the way to the triangle over the triangle's size and over the cosine: seen from 5·10⁴ away at 10⁻⁴
+//! rad, 40 301 of 46 114 hits on triangles of about 11 × 1 passed beside them, 5904 with distances that no point of
+//! the triangle has, by up to 8·10⁴ (3.13.5, ROBUST). So the numbers of every hit below [`GRAZING`] are computed
+//! anew. A ray that passes further from the triangle than rounding of its input explains has no hit there; it is traced
+//! again beyond, from close by, where Embree's error is small, so that the neighbour is found that it took the triangle
+//! for.
 //!
-//! Limits: instanced meshes are left as they are; any-hit rays name no triangle to look at; what Embree does not report is
-//! not found. One in 4000 hits of a diffuse bounce is this oblique.
+//! Limits: instanced meshes are left as they are; any-hit rays name no triangle to look at; what Embree does not report
+//! is not found. One in 4000 hits of a diffuse bounce is this oblique.
 
 use glam::{DVec3, Vec3};
 
 use super::abi::{self, Query, sys};
-use super::packet::active;
 use super::scene::World;
 use crate::backend::batch::{INVALID_ID, LANES, RayHitBlock};
 use crate::math::float::UNIT_ROUNDOFF;
+use crate::math::lanes::lanes_of;
 
-/// Cosine (over the 1-norm of the normal, at most √3 times its length) below which a hit is looked at again.
+/// Cosine (over the 1-norm of the normal, at most √3 times its length) below which a hit is recomputed.
 const GRAZING: f32 = 1.0 / 64.0;
 
 /// Roundings of the ray's origin, of the point at its end and of the triangle, which a hit may lie off the ray by.
@@ -43,7 +44,8 @@ impl Ends {
         Ends(ends)
     }
 
-    fn get(&self, index: usize) -> f32 {
+    /// Of the ray with this number in the batch; ∞ if it has none.
+    pub(super) fn get(&self, index: usize) -> f32 {
         self.0.binary_search_by_key(&index, |end| end.0).map_or(f32::INFINITY, |at| self.0[at].1)
     }
 }
@@ -52,19 +54,33 @@ impl Ends {
 #[inline(always)]
 pub(super) fn mend(world: &World, blocks: &mut [RayHitBlock], ends: &Ends, query: &mut Query) {
     for (index, block) in blocks.iter_mut().enumerate() {
-        let (ray, hit) = (&block.ray, &block.hit);
-        let mut grazing = [0u32; LANES];
-        for i in 0..LANES {
-            let along = ray.dir_x[i] * hit.ng_x[i] + ray.dir_y[i] * hit.ng_y[i] + ray.dir_z[i] * hit.ng_z[i];
-            let size = hit.ng_x[i].abs() + hit.ng_y[i].abs() + hit.ng_z[i].abs();
-            let seen = (hit.geom[i] != INVALID_ID) & (hit.inst[i] == INVALID_ID);
-            grazing[i] = u32::from(seen & (along.abs() < GRAZING * size));
-        }
-        let mask = grazing.iter().enumerate().fold(0u16, |mask, (lane, &bit)| mask | (bit as u16) << lane);
-        for lane in active(mask) {
+        let mask = grazing(block);
+        for lane in lanes_of(mask) {
             mend_lane(world, block, lane, ends.get(index * LANES + lane), query);
         }
     }
+}
+
+/// Mends the hit of one lane, whose ray ended at `end`.
+#[inline]
+pub(super) fn mend_one(world: &World, block: &mut RayHitBlock, lane: usize, end: f32, query: &mut Query) {
+    if grazing(block) >> lane & 1 != 0 {
+        mend_lane(world, block, lane, end, query);
+    }
+}
+
+/// The lanes whose hit is oblique.
+#[inline(always)]
+fn grazing(block: &RayHitBlock) -> u16 {
+    let (ray, hit) = (&block.ray, &block.hit);
+    let mut grazing = [0u32; LANES];
+    for i in 0..LANES {
+        let along = ray.dir_x[i] * hit.ng_x[i] + ray.dir_y[i] * hit.ng_y[i] + ray.dir_z[i] * hit.ng_z[i];
+        let size = hit.ng_x[i].abs() + hit.ng_y[i].abs() + hit.ng_z[i].abs();
+        let seen = (hit.geom[i] != INVALID_ID) & (hit.inst[i] == INVALID_ID);
+        grazing[i] = u32::from(seen & (along.abs() < GRAZING * size));
+    }
+    grazing.iter().enumerate().fold(0u16, |mask, (lane, &bit)| mask | (bit as u16) << lane)
 }
 
 /// A ray in f64.
@@ -182,7 +198,8 @@ pub(super) struct Reported {
 }
 
 impl World {
-    /// The closest hit of one ray on the world mesh. `None` also for one on an instance, which nothing can be said of here.
+    /// The closest hit of one ray on the world mesh. `None` also for one on an instance, which nothing can be said of
+    /// here.
     fn closest(&self, (org, dir, time): (Vec3, Vec3, f32), segment: (f32, f32), query: &mut Query) -> Option<Reported> {
         let (tnear, tfar) = segment;
         if !(tnear <= tfar && org.is_finite()) {

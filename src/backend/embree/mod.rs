@@ -2,11 +2,13 @@
 //!
 //! Scenes are ROBUST unless asked otherwise; the default mode lost 0.5 % of random rays far from the origin. Rays are
 //! validated before every call, because Debian's 3.13.5 aborts the process on a NaN. Source: the Embree API manual;
-//! what was measured stands in ARCHITECTURE.md. Limit: for one instruction set and one query mode results repeat bit by
-//! bit; another of either may round `t`, `u` and `v` differently.
+//! what was measured stands in benches/RESULTS.md. A lane's hit depends on its ray alone (`edges`). Limit: for one
+//! instruction set and one query mode results repeat bit
+//! by bit; another of either may round `t`, `u` and `v` differently.
 
 mod abi;
 mod device;
+mod edges;
 mod grazing;
 mod packet;
 mod scene;
@@ -16,10 +18,11 @@ mod tests;
 
 use std::sync::Arc;
 
-use self::abi::Query;
+use self::abi::{HAS_STREAMS, Query};
 use self::device::Device;
 use self::scene::World;
-use super::batch::{LANES, RayBlock, RayHitBlock};
+use super::batch::{Batch, LANES, RayBlock, RayHitBlock};
+use super::past::Past;
 use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
 use crate::Result;
 use crate::scene::geometry::Geometry;
@@ -30,11 +33,14 @@ pub struct Embree {
     incoherent: QueryMode,
     coherent: QueryMode,
     shadow: QueryMode,
+    /// Whether the scenes ask the filters of queries.
+    passes: bool,
     info: BackendInfo,
 }
 
-/// Triangles up to which a hierarchy of four children a node is faster than one of eight: there is little to skip in a tree of few
-/// leaves. Embree 3.13.5, AVX-512: 36 triangles 5 to 8 % of the render; above 100 000 it is slower by 15 to 30 %.
+/// Triangles up to which a hierarchy of four children a node is faster than one of eight: there is little to skip in a
+/// tree of few leaves. Embree 3.13.5, AVX-512: 36 triangles 5 to 8 % of the render; above 100 000 it is slower by 15 to
+/// 30 %.
 const NARROW_TRIANGLES: usize = 256;
 
 impl Embree {
@@ -49,7 +55,7 @@ impl Embree {
             options.build_threads,
             geometry.triangles.len() <= NARROW_TRIANGLES,
         )?);
-        let world = World::build(&device, geometry, options.robust)?;
+        let world = World::build(&device, geometry, abi::scene_flags(options.robust, options.passes))?;
         let info = BackendInfo {
             kind: BackendKind::Embree,
             version: device.version(),
@@ -60,21 +66,33 @@ impl Embree {
             bvh_bytes: world.bvh_bytes,
             triangles: world.triangles,
         };
-        let BackendOptions { incoherent, coherent, shadow, .. } = *options;
-        Ok(Embree { world, incoherent, coherent, shadow, info })
+        let BackendOptions { incoherent, coherent, shadow, passes, .. } = *options;
+        Ok(Embree { world, incoherent, coherent, shadow, passes, info })
     }
 }
 
-/// Name of what really runs when `mode` is asked for.
+/// Name of the mode that really runs for `mode`.
 fn effective(mode: QueryMode) -> &'static str {
     if mode == QueryMode::Stream { stream::EFFECTIVE } else { mode.name() }
 }
 
-/// The blocks that hold the first `len` rays.
-fn used<T>(blocks: &mut [T], len: usize) -> &mut [T] {
-    let count = len.div_ceil(LANES);
-    assert!(count <= blocks.len(), "{len} rays do not fit in {} blocks", blocks.len());
-    &mut blocks[..count]
+/// Closest hits of the rays of a batch, block by block; the number of invalid rays.
+#[inline(always)]
+fn closest(world: &World, batch: Batch<RayHitBlock>, mut trace: impl FnMut(&mut RayHitBlock, u16)) -> u64 {
+    batch.for_each(|block, valid| {
+        World::settle(&mut block.ray);
+        trace(block, valid);
+        world.name_instances(block);
+    })
+}
+
+/// Any hits of the rays of a batch, block by block; the number of invalid rays.
+#[inline(always)]
+fn any(batch: Batch<RayBlock>, mut trace: impl FnMut(&mut RayBlock, u16)) -> u64 {
+    batch.for_each(|block, valid| {
+        World::settle(block);
+        trace(block, valid);
+    })
 }
 
 impl Backend for Embree {
@@ -83,45 +101,71 @@ impl Backend for Embree {
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, hint: Coherence) -> u64 {
-        let (world, blocks) = (&self.world, used(blocks, len));
+        let world = &self.world;
         let mode = match hint {
             Coherence::Coherent => self.coherent,
             Coherence::Incoherent => self.incoherent,
         };
         let query = &mut Query::new(hint);
-        let ends = grazing::Ends::of(blocks);
+        let batch = world.batch(blocks, len);
+        let ends = grazing::Ends::of(batch.blocks);
         let invalid = match mode {
-            QueryMode::Single => packet::closest1(world, blocks, len, query),
-            // SAFETY (both): the world's scene is committed and lives as long as `world`; active lanes are valid.
-            QueryMode::Packet4 => packet::closest_narrow::<4>(world, blocks, len, |lanes, rays| unsafe {
-                abi::intersect4(world.raw(), lanes, rays, query)
+            QueryMode::Single => closest(world, batch, |block, valid| packet::closest1(world, block, valid, query)),
+            QueryMode::Packet4 => closest(world, batch, |block, valid| {
+                // SAFETY: the world's scene is committed and lives as long as `world`; active lanes are valid.
+                packet::closest_narrow::<4>(block, valid, |lanes, rays| unsafe {
+                    abi::intersect4(world.raw(), lanes, rays, query)
+                })
             }),
-            QueryMode::Packet8 => packet::closest_narrow::<8>(world, blocks, len, |lanes, rays| unsafe {
-                abi::intersect8(world.raw(), lanes, rays, query)
+            QueryMode::Packet8 => closest(world, batch, |block, valid| {
+                // SAFETY: as above.
+                packet::closest_narrow::<8>(block, valid, |lanes, rays| unsafe {
+                    abi::intersect8(world.raw(), lanes, rays, query)
+                })
             }),
-            QueryMode::Packet16 => packet::closest16(world, blocks, len, query),
-            QueryMode::Stream => stream::closest(world, blocks, len, query),
+            QueryMode::Stream if HAS_STREAMS => stream::closest(world, batch, query),
+            QueryMode::Packet16 | QueryMode::Stream => {
+                closest(world, batch, |block, valid| packet::closest16(world, block, valid, query))
+            }
         };
-        grazing::mend(world, blocks, &ends, query);
+        let traced = &mut blocks[..len.div_ceil(LANES)];
+        if mode != QueryMode::Single {
+            edges::mend(world, traced, &ends, query);
+        }
+        grazing::mend(world, traced, &ends, query);
         invalid
+    }
+
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64 {
+        // Embree aborts the process over a filter that the scene was not told of.
+        assert!(self.passes, "the backend was built for rays that end at what they hit");
+        packet::closest_past(&self.world, self.world.batch(blocks, len), past.lanes())
     }
 
     /// The hint is not passed on: packets of shadow rays ran at 0.7 of their rate with Embree's coherent flag, also
     /// those of camera hits towards one light.
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
-        let (world, blocks) = (&self.world, used(blocks, len));
+        let world = &self.world;
         let query = &mut Query::new(Coherence::Incoherent);
+        let batch = world.batch(blocks, len);
         match self.shadow {
-            QueryMode::Single => packet::any1(world, blocks, len, query),
-            // SAFETY (both): the world's scene is committed and lives as long as `world`; active lanes are valid.
-            QueryMode::Packet4 => packet::any_narrow::<4>(world, blocks, len, |lanes, rays| unsafe {
-                abi::occluded4(world.raw(), lanes, rays, query)
+            QueryMode::Single => any(batch, |block, valid| packet::any1(world, block, valid, query)),
+            QueryMode::Packet4 => any(batch, |block, valid| {
+                // SAFETY: the world's scene is committed and lives as long as `world`; active lanes are valid.
+                packet::any_narrow::<4>(block, valid, |lanes, rays| unsafe {
+                    abi::occluded4(world.raw(), lanes, rays, query)
+                })
             }),
-            QueryMode::Packet8 => packet::any_narrow::<8>(world, blocks, len, |lanes, rays| unsafe {
-                abi::occluded8(world.raw(), lanes, rays, query)
+            QueryMode::Packet8 => any(batch, |block, valid| {
+                // SAFETY: as above.
+                packet::any_narrow::<8>(block, valid, |lanes, rays| unsafe {
+                    abi::occluded8(world.raw(), lanes, rays, query)
+                })
             }),
-            QueryMode::Packet16 => packet::any16(world, blocks, len, query),
-            QueryMode::Stream => stream::any(world, blocks, len, query),
+            QueryMode::Stream if HAS_STREAMS => stream::any(world, batch, query),
+            QueryMode::Packet16 | QueryMode::Stream => {
+                any(batch, |block, valid| packet::any16(world, block, valid, query))
+            }
         }
     }
 }

@@ -1,163 +1,134 @@
-//! Packets of 1, 4, 8 and 16 rays. Sixteen are traced where they lie; narrower ones are copied out of their block and
-//! the hits back into it. Only lanes that [`World::valid_lanes`] accepts reach Embree.
+//! One block in packets of 1, 4, 8 and 16 rays. Sixteen are traced where they lie; narrower ones are copied out of the
+//! block and their hits back into it. The lanes of `valid` alone reach Embree; they hold rays that it takes.
 
 use super::abi::{self, Hits, Lanes, Query, RayHits, Rays, sys};
+use super::grazing;
 use super::scene::World;
-use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock};
+use crate::backend::batch::{BLOCKED, Batch, INVALID_ID, LANES, RayBlock, RayHitBlock};
+use crate::backend::past::{PastLanes, Without};
+use crate::math::lanes::lanes_of;
 
-/// Lanes of each block of a batch that hold its first `len` rays.
+/// Closest hits of sixteen rays, in two packets of eight where the processor has none of sixteen.
 #[inline(always)]
-pub(super) fn lanes_of(block: usize, len: usize) -> usize {
-    (len - block * LANES).min(LANES)
-}
-
-/// The lanes of a bit mask.
-#[inline(always)]
-pub(super) fn active(mask: u16) -> impl Iterator<Item = usize> {
-    (0..LANES).filter(move |lane| (mask >> lane) & 1 != 0)
-}
-
-/// Closest hits, 16 at a time, in place.
-pub(super) fn closest16(world: &World, blocks: &mut [RayHitBlock], len: usize, query: &mut Query) -> u64 {
-    let mut invalid = 0;
-    for (index, block) in blocks.iter_mut().enumerate() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&mut block.ray, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        block.clear_hits();
-        closest_block(world, block, valid, query);
-    }
-    invalid
-}
-
-/// One block of `closest16`; its hits are cleared.
-#[inline(always)]
-pub(super) fn closest_block(world: &World, block: &mut RayHitBlock, valid: u16, query: &mut Query) {
-    if valid != 0 {
+pub(super) fn closest16(world: &World, block: &mut RayHitBlock, valid: u16, query: &mut Query) {
+    if !world.wide {
+        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+        closest_narrow::<8>(block, valid, |lanes, rays| unsafe { abi::intersect8(world.raw(), lanes, rays, query) });
+    } else if valid != 0 {
         // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
         unsafe { abi::intersect16(world.raw(), &Lanes::from_bits(valid), block, query) };
-        world.name_instances(block);
     }
 }
 
-/// Any hits, 16 at a time, in place: Embree writes −∞, which is [`BLOCKED`], and leaves inactive lanes alone.
-pub(super) fn any16(world: &World, blocks: &mut [RayBlock], len: usize, query: &mut Query) -> u64 {
-    let mut invalid = 0;
-    for (index, block) in blocks.iter_mut().enumerate() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(block, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        if valid != 0 {
-            // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
-            unsafe { abi::occluded16(world.raw(), &Lanes::from_bits(valid), block, query) };
-        }
+/// Any hits of sixteen rays, as [`closest16`]: Embree writes −∞, which is [`BLOCKED`], and leaves inactive lanes as
+/// they are.
+#[inline(always)]
+pub(super) fn any16(world: &World, block: &mut RayBlock, valid: u16, query: &mut Query) {
+    if !world.wide {
+        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+        any_narrow::<8>(block, valid, |lanes, rays| unsafe { abi::occluded8(world.raw(), lanes, rays, query) });
+    } else if valid != 0 {
+        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+        unsafe { abi::occluded16(world.raw(), &Lanes::from_bits(valid), block, query) };
     }
-    invalid
+}
+
+/// The packets of `N` rays of a block that have a ray in them: first lane and mask.
+#[inline(always)]
+fn packets<const N: usize>(valid: u16) -> impl Iterator<Item = (usize, u16)> {
+    (0..LANES).step_by(N).map(move |first| (first, (valid >> first) & Rays::<N>::ALL)).filter(|(_, mask)| *mask != 0)
 }
 
 /// Closest hits in packets of `N`, each traced by `trace`.
+#[inline(always)]
 pub(super) fn closest_narrow<const N: usize>(
-    world: &World,
-    blocks: &mut [RayHitBlock],
-    len: usize,
+    block: &mut RayHitBlock,
+    valid: u16,
     mut trace: impl FnMut(&Lanes, &mut RayHits<N>),
-) -> u64 {
-    let mut invalid = 0;
-    for (index, block) in blocks.iter_mut().enumerate() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&mut block.ray, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        block.clear_hits();
-        for first in (0..LANES).step_by(N) {
-            let mask = (valid >> first) & Rays::<N>::ALL;
-            if mask != 0 {
-                let mut packet = RayHits { ray: Rays::gather(&block.ray, first), hit: Hits::NONE };
-                trace(&Lanes::from_bits(mask), &mut packet);
-                packet.scatter(block, first, mask);
-            }
-        }
-        world.name_instances(block);
+) {
+    for (first, mask) in packets::<N>(valid) {
+        let mut packet = RayHits { ray: Rays::gather(&block.ray, first), hit: Hits::NONE };
+        trace(&Lanes::from_bits(mask), &mut packet);
+        packet.scatter(block, first, mask);
     }
-    invalid
 }
 
 /// Any hits in packets of `N`, each traced by `trace`.
+#[inline(always)]
 pub(super) fn any_narrow<const N: usize>(
-    world: &World,
-    blocks: &mut [RayBlock],
-    len: usize,
+    block: &mut RayBlock,
+    valid: u16,
     mut trace: impl FnMut(&Lanes, &mut Rays<N>),
-) -> u64 {
-    let mut invalid = 0;
-    for (index, block) in blocks.iter_mut().enumerate() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(block, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        for first in (0..LANES).step_by(N) {
-            let mask = (valid >> first) & Rays::<N>::ALL;
-            if mask != 0 {
-                let mut packet = Rays::gather(block, first);
-                trace(&Lanes::from_bits(mask), &mut packet);
-                // An active ray had tfar ≥ 0, so a negative one is Embree's answer.
-                for lane in active(mask) {
-                    if packet.tfar[lane] < 0.0 {
-                        block.tfar[first + lane] = BLOCKED;
-                    }
-                }
+) {
+    for (first, mask) in packets::<N>(valid) {
+        let mut packet = Rays::gather(block, first);
+        trace(&Lanes::from_bits(mask), &mut packet);
+        // An active ray had tfar ≥ 0, so a negative one is Embree's answer.
+        for lane in lanes_of(mask) {
+            if packet.tfar[lane] < 0.0 {
+                block.tfar[first + lane] = BLOCKED;
             }
         }
     }
-    invalid
 }
 
 /// Closest hits, one ray a call.
-pub(super) fn closest1(world: &World, blocks: &mut [RayHitBlock], len: usize, query: &mut Query) -> u64 {
-    let mut invalid = 0;
-    for (index, block) in blocks.iter_mut().enumerate() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&mut block.ray, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        block.clear_hits();
-        for lane in active(valid) {
-            let mut one = sys::RTCRayHit { ray: single(&block.ray, lane), ..Default::default() };
-            one.hit.geomID = INVALID_ID;
-            one.hit.instID = [INVALID_ID];
-            // SAFETY: the world's scene is committed and lives as long as `world`; the lane is valid.
-            unsafe { abi::intersect1(world.raw(), &mut one, query) };
-            if one.hit.geomID != INVALID_ID {
-                block.ray.tfar[lane] = one.ray.tfar;
-                block.hit.ng_x[lane] = one.hit.Ng_x;
-                block.hit.ng_y[lane] = one.hit.Ng_y;
-                block.hit.ng_z[lane] = one.hit.Ng_z;
-                block.hit.u[lane] = one.hit.u;
-                block.hit.v[lane] = one.hit.v;
-                block.hit.prim[lane] = one.hit.primID;
-                block.hit.geom[lane] = one.hit.geomID;
-                block.hit.inst[lane] = one.hit.instID[0];
-            }
+#[inline(always)]
+pub(super) fn closest1(world: &World, block: &mut RayHitBlock, valid: u16, query: &mut Query) {
+    for lane in lanes_of(valid) {
+        closest_lane(world, block, lane, query);
+    }
+}
+
+/// The closest hit of one lane.
+#[inline(always)]
+fn closest_lane(world: &World, block: &mut RayHitBlock, lane: usize, query: &mut Query) {
+    let mut one = sys::RTCRayHit { ray: single(&block.ray, lane), ..Default::default() };
+    one.hit.geomID = INVALID_ID;
+    one.hit.instID = [INVALID_ID];
+    // SAFETY: the world's scene is committed and lives as long as `world`; the lane is valid.
+    unsafe { abi::intersect1(world.raw(), &mut one, query) };
+    if one.hit.geomID != INVALID_ID {
+        block.ray.tfar[lane] = one.ray.tfar;
+        block.hit.ng_x[lane] = one.hit.Ng_x;
+        block.hit.ng_y[lane] = one.hit.Ng_y;
+        block.hit.ng_z[lane] = one.hit.Ng_z;
+        block.hit.u[lane] = one.hit.u;
+        block.hit.v[lane] = one.hit.v;
+        block.hit.prim[lane] = one.hit.primID;
+        block.hit.geom[lane] = one.hit.geomID;
+        block.hit.inst[lane] = one.hit.instID[0];
+    }
+}
+
+/// Closest hits, one ray a call, without the triangles that each ray has passed; the number of invalid rays. Whatever
+/// the query mode: a packet would ask for the lists of all its rays at every hit.
+pub(super) fn closest_past(world: &World, batch: Batch<RayHitBlock>, past: PastLanes) -> u64 {
+    let (mut query, mut first) = (Query::without(), 0);
+    batch.for_each(|block, valid| {
+        World::settle(&mut block.ray);
+        for lane in lanes_of(valid) {
+            let end = block.ray.tfar[lane];
+            query.pass(past.of(first + lane));
+            closest_lane(world, block, lane, &mut query);
+            grazing::mend_one(world, block, lane, end, &mut query);
         }
         world.name_instances(block);
-    }
-    invalid
+        first += LANES;
+    })
 }
 
 /// Any hits, one ray a call.
-pub(super) fn any1(world: &World, blocks: &mut [RayBlock], len: usize, query: &mut Query) -> u64 {
-    let mut invalid = 0;
-    for (index, block) in blocks.iter_mut().enumerate() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(block, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        for lane in active(valid) {
-            let mut one = single(block, lane);
-            // SAFETY: the world's scene is committed and lives as long as `world`; the lane is valid.
-            unsafe { abi::occluded1(world.raw(), &mut one, query) };
-            if one.tfar < 0.0 {
-                block.tfar[lane] = BLOCKED;
-            }
+#[inline(always)]
+pub(super) fn any1(world: &World, block: &mut RayBlock, valid: u16, query: &mut Query) {
+    for lane in lanes_of(valid) {
+        let mut one = single(block, lane);
+        // SAFETY: the world's scene is committed and lives as long as `world`; the lane is valid.
+        unsafe { abi::occluded1(world.raw(), &mut one, query) };
+        if one.tfar < 0.0 {
+            block.tfar[lane] = BLOCKED;
         }
     }
-    invalid
 }
 
 /// One ray of a block, with every bit of the mask set.
@@ -215,7 +186,7 @@ impl<const N: usize> RayHits<N> {
     /// Writes the hits of the lanes in `mask` into `block` from lane `first` on.
     #[inline(always)]
     fn scatter(&self, block: &mut RayHitBlock, first: usize, mask: u16) {
-        for lane in active(mask) {
+        for lane in lanes_of(mask) {
             block.ray.tfar[first + lane] = self.ray.tfar[lane];
             block.hit.ng_x[first + lane] = self.hit.ng[0][lane];
             block.hit.ng_y[first + lane] = self.hit.ng[1][lane];

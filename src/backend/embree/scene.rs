@@ -1,5 +1,5 @@
 //! Embree scenes from the flattened geometry. The world mesh is attached to the top scene with geometry id 0; every
-//! other mesh that something places has a scene of its own, with its mesh index as geometry id; instance `i` is
+//! other mesh that something places has its own scene, with its mesh index as geometry id; instance `i` is
 //! attached to the top scene as `i + 1`. Vertices and indices are copied into Embree's buffers, which it pads for its
 //! 16-byte reads.
 //!
@@ -13,7 +13,7 @@ use glam::{Affine3A, Vec3};
 use super::abi::sys;
 use super::device::{Device, failure};
 use crate::Result;
-use crate::backend::batch::{INVALID_ID, LANES, MAX_COORDINATE, RayBlock, RayHitBlock, valid_lanes};
+use crate::backend::batch::{Batch, Block, INVALID_ID, MAX_COORDINATE, RayBlock, RayHitBlock};
 use crate::scene::geometry::{Geometry, Placement, TriangleMesh};
 
 /// Smallest magnitude of a direction component that Embree tells from zero (it clamps reciprocals there).
@@ -34,6 +34,9 @@ pub(super) struct World {
     max_coordinate: f32,
     /// Whether hits name instances.
     instanced: bool,
+    /// Whether packets of 16 are traced as such. Elsewhere (AVX2) 3.13.5 makes a stream of them, which takes no account
+    /// of the mask and aborts over what lanes that are not in use hold.
+    pub(super) wide: bool,
     /// Bytes that committing allocated.
     pub(super) bvh_bytes: u64,
     /// Triangles held, instanced ones once.
@@ -41,8 +44,8 @@ pub(super) struct World {
 }
 
 impl World {
-    /// Builds all scenes on `device`.
-    pub(super) fn build(device: &Arc<Device>, geometry: &Geometry, robust: bool) -> Result<Self> {
+    /// Builds all scenes on `device`, with the same flags.
+    pub(super) fn build(device: &Arc<Device>, geometry: &Geometry, flags: sys::RTCSceneFlags) -> Result<Self> {
         let (mut bvh_bytes, mut triangles) = (0, 0);
         let mut placed = vec![false; geometry.meshes.len()];
         for placement in &geometry.instances {
@@ -55,7 +58,7 @@ impl World {
         let mut meshes: Vec<Option<Scene>> = Vec::with_capacity(placed.len());
         for (index, (mesh, placed)) in geometry.meshes.iter().zip(placed).enumerate() {
             meshes.push(if placed && !mesh.indices.is_empty() {
-                let mut scene = Scene::new(device, robust)?;
+                let mut scene = Scene::new(device, flags)?;
                 scene.attach(&triangle_geometry(device, mesh)?.0, index as u32)?;
                 bvh_bytes += scene.commit()?;
                 triangles += mesh.indices.len() as u64;
@@ -66,7 +69,7 @@ impl World {
         }
 
         // The top scene: the world mesh and the placements.
-        let mut top = Scene::new(device, robust)?;
+        let mut top = Scene::new(device, flags)?;
         let mut corners = None;
         if let Some(mesh) = geometry.meshes.first().filter(|mesh| !mesh.indices.is_empty()) {
             let (geometry, buffers) = triangle_geometry(device, mesh)?;
@@ -86,7 +89,8 @@ impl World {
         }
         bvh_bytes += top.commit()?;
         let instanced = !geometry.instances.is_empty();
-        Ok(World { top, corners, _meshes: meshes, max_coordinate, instanced, bvh_bytes, triangles })
+        let wide = device.is_wide();
+        Ok(World { top, corners, _meshes: meshes, max_coordinate, instanced, wide, bvh_bytes, triangles })
     }
 
     /// The committed top scene, alive as long as `self`.
@@ -101,42 +105,39 @@ impl World {
         assert!((prim as usize) < corners.triangles, "triangle {prim} of {}", corners.triangles);
         // SAFETY: within the buffer, which the top scene's geometry keeps; nobody writes to it after `build`.
         let index = unsafe { corners.indices.add(prim as usize).read() };
-        // SAFETY: as above; every index was held against the number of vertices before it was copied.
+        // SAFETY: as above; every index was checked against the number of vertices before it was copied.
         index.map(|i| unsafe { corners.vertices.add(i as usize).read() })
     }
 
-    /// The lanes among the first `lanes` whose ray Embree can take, in the world and inside every instance. Direction
-    /// components that Embree clamps anyway become zeros first: coherent packets of 3.13.5 lost 827 of 2000 rays with
-    /// denormal components, and found other hits by the sign of a zero.
+    /// The rays of a call, of which those are valid that Embree takes in the world and inside every instance.
     #[inline(always)]
-    pub(super) fn valid_lanes(&self, ray: &mut RayBlock, lanes: usize) -> u16 {
+    pub(super) fn batch<'b, B: Block>(&self, blocks: &'b mut [B], len: usize) -> Batch<'b, B> {
+        Batch::new(blocks, len).within(self.max_coordinate)
+    }
+
+    /// Direction components that Embree clamps anyway become zeros before it sees them: coherent packets of 3.13.5 lost
+    /// 827 of 2000 rays with denormal components, and found other hits by the sign of a zero.
+    #[inline(always)]
+    pub(super) fn settle(ray: &mut RayBlock) {
         for column in [&mut ray.dir_x, &mut ray.dir_y, &mut ray.dir_z] {
             for d in column {
                 *d = if d.abs() < MIN_DIRECTION { 0.0 } else { *d };
             }
         }
-        let valid = valid_lanes(ray, lanes);
-        if self.max_coordinate < MAX_COORDINATE { valid & self.within_reach(ray) } else { valid }
-    }
-
-    /// The lanes whose origin stays in range under every instance's transform.
-    fn within_reach(&self, ray: &RayBlock) -> u16 {
-        let mut mask = 0;
-        for lane in 0..LANES {
-            let reached = ray.org(lane).abs().max_element() <= self.max_coordinate;
-            mask |= u16::from(reached) << lane;
-        }
-        mask
     }
 
     /// Turns the top scene's geometry ids in the instance column into indices of `Geometry::instances`.
     #[inline(always)]
     pub(super) fn name_instances(&self, block: &mut RayHitBlock) {
         if self.instanced {
-            for inst in &mut block.hit.inst {
-                *inst = if *inst == INVALID_ID { INVALID_ID } else { *inst - FIRST_INSTANCE };
-            }
+            block.hit.inst.iter_mut().for_each(|inst| self.name_instance(inst));
         }
+    }
+
+    /// The same for one hit.
+    #[inline(always)]
+    pub(super) fn name_instance(&self, inst: &mut u32) {
+        *inst = if *inst == INVALID_ID { INVALID_ID } else { *inst - FIRST_INSTANCE };
     }
 }
 
@@ -158,7 +159,7 @@ unsafe impl Send for Scene {}
 unsafe impl Sync for Scene {}
 
 impl Scene {
-    fn new(device: &Arc<Device>, robust: bool) -> Result<Self> {
+    fn new(device: &Arc<Device>, flags: sys::RTCSceneFlags) -> Result<Self> {
         // SAFETY: the device is alive.
         let raw = unsafe { sys::rtcNewScene(device.raw()) };
         if raw.is_null() {
@@ -166,10 +167,6 @@ impl Scene {
             return Err(failure("cannot create a scene"));
         }
         let scene = Scene { raw, device: device.clone() };
-        let flags = match robust {
-            true => sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST,
-            false => sys::RTCSceneFlags::RTC_SCENE_FLAG_NONE,
-        };
         // SAFETY: the scene is alive and not committed yet.
         unsafe { sys::rtcSetSceneFlags(scene.raw, flags) };
         // SAFETY: as above. HIGH would build the same tree in a robust scene, and no faster one otherwise (measured).
@@ -178,7 +175,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Adds a geometry; the scene takes a reference of its own.
+    /// Adds a geometry; the scene takes its own reference.
     fn attach(&mut self, geometry: &GeometryHandle, id: u32) -> Result<()> {
         // SAFETY: both are alive, the geometry is committed, and ids are used once in a scene.
         unsafe { sys::rtcAttachGeometryByID(self.raw, geometry.raw, id) };
@@ -249,7 +246,7 @@ impl GeometryHandle {
 
 impl Drop for GeometryHandle {
     fn drop(&mut self) {
-        // SAFETY: created by rtcNewGeometry, released once; scenes that hold it have references of their own.
+        // SAFETY: created by rtcNewGeometry, released once; scenes that hold it have their own references.
         unsafe { sys::rtcReleaseGeometry(self.raw) };
     }
 }
@@ -276,7 +273,8 @@ struct Corners {
     triangles: usize,
 }
 
-/// A committed scene placed once, committed; `steps` are its poses at equal intervals of the shutter, one if it is at rest.
+/// A committed scene placed once, committed; `steps` are its poses at equal intervals of the shutter, one if it is at
+/// rest.
 fn instance_geometry(device: &Device, scene: &Scene, steps: &[Placement]) -> Result<GeometryHandle> {
     let geometry = GeometryHandle::new(device, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)?;
     // SAFETY: both are alive; the geometry takes a reference of the scene.
@@ -286,18 +284,20 @@ fn instance_geometry(device: &Device, scene: &Scene, steps: &[Placement]) -> Res
     let format = sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR;
     for (step, placement) in (0u32..).zip(steps) {
         let columns: [f32; 12] = placement.world_from_object.to_cols_array();
-        // SAFETY: twelve floats, three for each of four columns, copied during the call; the step is below their number.
+        // SAFETY: twelve floats, three for each of four columns, copied during the call; the step is below their
+        // number.
         unsafe { sys::rtcSetGeometryTransform(geometry.raw, step, format, columns.as_ptr().cast()) };
     }
     geometry.commit(device)?;
     Ok(geometry)
 }
 
-/// What is left of the range that Embree asserts in object space: a tenth is for its own inverse, which is computed in f32.
+/// The rest of the range that Embree asserts in object space: a tenth is for its own inverse, which is computed in f32.
 const OBJECT_LIMIT: f32 = 0.9 * 1.8e18;
 
-/// As [`reach`] for an instance that moves. Elements of an inverse are sums of two products of elements over the determinant, which
-/// stays above a 64th of the largest at the ends of its part of the shutter (`scene::motion::Track::problem`).
+/// As [`reach`] for an instance that moves. Elements of an inverse are sums of two products of elements over the
+/// determinant, which stays above a 64th of the largest at the ends of its part of the shutter
+/// (`scene::motion::Track::problem`).
 fn reach_moving(steps: &[Placement]) -> Result<f32> {
     let mut limit = f64::from(OBJECT_LIMIT);
     for pair in steps.windows(2) {
@@ -318,7 +318,8 @@ fn reach_moving(steps: &[Placement]) -> Result<f32> {
     }
 }
 
-/// The largest origin coordinate that an instance takes: Embree asserts the range (1.844·10¹⁸) again in object space.
+/// The largest origin coordinate that an instance takes: Embree asserts the range (1.844·10¹⁸) again in object
+/// space.
 fn reach(placement: &Placement) -> Result<f32> {
     let (there, back) = (&placement.world_from_object, &placement.object_from_world);
     let finite = |affine: &Affine3A| affine.to_cols_array().into_iter().all(f32::is_finite);

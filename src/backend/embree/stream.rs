@@ -7,35 +7,33 @@
 //! no copy) for closest hits.
 
 use super::abi::{self, HAS_STREAMS, Query, sys};
-use super::packet::{active, any16, closest_block, closest16, lanes_of, single};
+use super::packet::{closest16, single};
 use super::scene::World;
-use crate::backend::batch::{BLOCKED, LANES, RayBlock, RayHitBlock};
+use crate::backend::batch::{BLOCKED, Batch, LANES, RayBlock, RayHitBlock};
+use crate::math::lanes::lanes_of;
 
-/// What runs when a stream is asked for, as the reports spell it.
+/// What really runs in stream mode, as reports spell it.
 pub(super) const EFFECTIVE: &str = if HAS_STREAMS { "stream" } else { "packet-loop" };
 
 /// Blocks of one any-hit stream: 256 rays, 12 kB on the stack; longer streams ran no faster.
 const CHUNK: usize = 16;
 
-/// Closest hits.
-pub(super) fn closest(world: &World, blocks: &mut [RayHitBlock], len: usize, query: &mut Query) -> u64 {
-    if !HAS_STREAMS {
-        return closest16(world, blocks, len, query);
-    }
-    let (mut invalid, mut run) = (0, 0);
-    for index in 0..blocks.len() {
-        let lanes = lanes_of(index, len);
-        let valid = world.valid_lanes(&mut blocks[index].ray, lanes);
-        invalid += lanes as u64 - u64::from(valid.count_ones());
-        blocks[index].clear_hits();
+/// Closest hits; the number of invalid rays.
+pub(super) fn closest(world: &World, mut batch: Batch<RayHitBlock>, query: &mut Query) -> u64 {
+    let mut run = 0;
+    while let Some((index, block, valid)) = batch.next_block() {
+        World::settle(&mut block.ray);
         if valid != u16::MAX {
-            closest_run(world, &mut blocks[run..index], query);
-            closest_block(world, &mut blocks[index], valid, query);
+            closest16(world, block, valid, query);
+            closest_run(world, &mut batch.blocks[run..index], query);
             run = index + 1;
         }
     }
-    closest_run(world, &mut blocks[run..], query);
-    invalid
+    closest_run(world, &mut batch.blocks[run..], query);
+    for block in &mut *batch.blocks {
+        world.name_instances(block);
+    }
+    batch.invalid()
 }
 
 /// Blocks without a gap, hits cleared.
@@ -43,40 +41,39 @@ fn closest_run(world: &World, blocks: &mut [RayHitBlock], query: &mut Query) {
     if !blocks.is_empty() {
         // SAFETY: the world's scene is committed and lives as long as `world`; all lanes of these blocks are valid.
         unsafe { abi::intersect_stream(world.raw(), blocks, query) };
-        blocks.iter_mut().for_each(|block| world.name_instances(block));
     }
 }
 
-/// Any hits.
-pub(super) fn any(world: &World, blocks: &mut [RayBlock], len: usize, query: &mut Query) -> u64 {
-    if !HAS_STREAMS {
-        return any16(world, blocks, len, query);
-    }
-    let mut invalid = 0;
+/// Any hits; the number of invalid rays.
+pub(super) fn any(world: &World, mut batch: Batch<RayBlock>, query: &mut Query) -> u64 {
     let mut rays = [sys::RTCRay::default(); CHUNK * LANES];
-    for (chunk, blocks) in blocks.chunks_mut(CHUNK).enumerate() {
-        let (mut valid, mut count) = ([0u16; CHUNK], 0);
-        for (index, block) in blocks.iter_mut().enumerate() {
-            let lanes = lanes_of(chunk * CHUNK + index, len);
-            valid[index] = world.valid_lanes(block, lanes);
-            invalid += lanes as u64 - u64::from(valid[index].count_ones());
-            for lane in active(valid[index]) {
+    loop {
+        let (mut valid, mut chunk, mut count) = ([0u16; CHUNK], 0..0, 0);
+        while chunk.len() < CHUNK
+            && let Some((index, block, mask)) = batch.next_block()
+        {
+            World::settle(block);
+            for lane in lanes_of(mask) {
                 rays[count] = single(block, lane);
                 count += 1;
             }
+            valid[chunk.len()] = mask;
+            chunk = index - chunk.len()..index + 1;
+        }
+        if chunk.is_empty() {
+            return batch.invalid();
         }
         // SAFETY: the world's scene is committed and lives as long as `world`; only valid rays were copied.
         unsafe { abi::occluded_stream(world.raw(), &mut rays[..count], query) };
 
         // The answers come in the order of the rays. A valid ray had tfar ≥ 0, so a negative one is Embree's.
         let mut answers = rays[..count].iter();
-        for (block, valid) in blocks.iter_mut().zip(valid) {
-            for (lane, answer) in active(valid).zip(&mut answers) {
+        for (block, valid) in batch.blocks[chunk].iter_mut().zip(valid) {
+            for (lane, answer) in lanes_of(valid).zip(&mut answers) {
                 if answer.tfar < 0.0 {
                     block.tfar[lane] = BLOCKED;
                 }
             }
         }
     }
-    invalid
 }

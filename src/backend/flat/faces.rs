@@ -5,19 +5,20 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 
 use crate::math::float::UNIT_ROUNDOFF;
+use crate::math::quad::Quad;
 use crate::scene::geometry::TriangleMesh;
 
-/// How far, over the largest coordinate, the fourth corner of a pair of triangles may lie from where a parallelogram has
-/// it: four roundings.
+/// How far, over the largest coordinate, the fourth corner of a pair of triangles may lie from where a parallelogram
+/// has it: four roundings.
 const CORNER: f64 = 4.0 * UNIT_ROUNDOFF as f64;
 
-/// How far, over the longest edge, it may lie out of the plane of the other three: a ray that leaves the one triangle is tested
-/// against the plane of the other, and starts five such roundings above its own (`math::float`).
+/// How far, over the longest edge, it may lie out of the plane of the other three: a ray that leaves the one triangle
+/// is tested against the plane of the other, and starts five such roundings above its own (`math::float`).
 const BEND: f64 = UNIT_ROUNDOFF as f64;
 
-/// A face with `N` edges, as the loop over rays reads it. A ray of direction d and moment r = o × d passes the edge a → b on the
-/// side of the sign of e·r + m·d, with e = (b − a)/|b − a| and m = a × e (Plücker coordinates): the lines' distance times the
-/// sine of the angle between them.
+/// A face with `N` edges, as the loop over rays reads it. A ray of direction d and moment r = o × d passes the edge a
+/// → b on the side of the sign of e·r + m·d, with e = (b − a)/|b − a| and m = a × e (Plücker coordinates):
+/// the lines' distance times the sine of the angle between them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face<const N: usize> {
     /// e and m of each edge.
@@ -49,15 +50,17 @@ pub(super) struct Corner {
 
 /// All faces: parallelograms first.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Faces {
-    pub quads: Vec<Face<4>>,
-    pub triangles: Vec<Face<3>>,
+pub(in crate::backend) struct Faces {
+    pub(super) quads: Vec<Face<4>>,
+    pub(super) triangles: Vec<Face<3>>,
     /// One for each face, in their order, and one more.
-    pub corners: Vec<Corner>,
+    pub(super) corners: Vec<Corner>,
     /// The corners of each face in f64, in the order of its edges; of a triangle the last one twice.
-    pub exact: Vec<[DVec3; 4]>,
+    pub(super) exact: Vec<[DVec3; 4]>,
+    /// Face of each triangle, by its number in the mesh.
+    by_prim: Vec<(u32, u32)>,
     /// Largest sum of a corner's coordinates, metres.
-    pub reach: f32,
+    pub(super) reach: f32,
 }
 
 /// A triangle and its corners.
@@ -106,17 +109,27 @@ impl Faces {
         exact.extend(triangles.iter().map(|(_, _, v)| [v[0], v[1], v[2], v[2]].map(|v| v.as_dvec3())));
         let corners = quads.iter().map(|quad| quad.1).chain(triangles.iter().map(|triangle| triangle.1));
         let nothing = Corner { c: [0.0; 3], ca: [0.0; 3], cb: [0.0; 3], normal: [0.0; 3], prim: [0; 2], first: [0; 2] };
-        let corners = corners.chain([nothing]).collect();
+        let corners: Vec<Corner> = corners.chain([nothing]).collect();
+        let numbered = (0u32..).zip(&corners[..corners.len() - 1]);
+        let mut by_prim: Vec<_> = numbered.flat_map(|(face, corner)| corner.prim.map(|prim| (prim, face))).collect();
+        by_prim.sort_unstable();
+        by_prim.dedup();
         let (quads, triangles) =
             (quads.into_iter().map(|quad| quad.0).collect(), triangles.into_iter().map(|t| t.0).collect());
         let reach = all.iter().flat_map(|triangle| triangle.v).map(|v| v.abs().element_sum()).fold(0.0, f32::max);
-        Faces { quads, triangles, corners, exact, reach }
+        Faces { quads, triangles, corners, exact, by_prim, reach }
     }
 
     /// Of a mesh.
     #[cfg(test)]
     pub fn of(mesh: &TriangleMesh) -> Self {
         Faces::new(&Triangle::of(mesh).collect::<Vec<_>>())
+    }
+
+    /// The face that a triangle is in.
+    pub(super) fn of_triangle(&self, prim: u32) -> Option<u32> {
+        let at = self.by_prim.binary_search_by_key(&prim, |(prim, _)| *prim).ok()?;
+        Some(self.by_prim[at].1)
     }
 
     pub fn count(&self) -> usize {
@@ -142,31 +155,16 @@ fn edge(from: Vec3, to: Vec3) -> Edge {
     [from, to].map(|v| (v + Vec3::ZERO).to_array().map(f32::to_bits))
 }
 
-/// The face of two triangles that make a parallelogram, neighbours along one edge and turned to the same side.
+/// The face of two triangles that make a parallelogram up to rounding, nearer to one plane than rays start off it.
 fn joined(first: &Triangle, second: &Triangle) -> Option<(Face<4>, Corner, [Vec3; 4])> {
-    for i in 0..3 {
-        // c is the corner of the first that the second has not.
-        let (c, a, b) = (first.v[i], first.v[(i + 1) % 3], first.v[(i + 2) % 3]);
-        for j in 0..3 {
-            let (d, b2, a2) = (second.v[j], second.v[(j + 1) % 3], second.v[(j + 2) % 3]);
-            if a == a2 && b == b2 && is_parallelogram([c, a, d, b]) {
-                // (c, a, b) begins with vertex (3 − i) mod 3 counted from c; so for the other.
-                let turns = [(3 - i) as u32 % 3, (3 - j) as u32 % 3];
-                return Some(face([c, a, d, b], [first.prim, second.prim], turns));
-            }
-        }
-    }
-    None
-}
-
-/// Whether the corners lie as those of a parallelogram up to rounding, and nearer to one plane than rays start off it.
-fn is_parallelogram(corners: [Vec3; 4]) -> bool {
-    let reach = corners.iter().fold(0.0f32, |m, v| m.max(v.abs().max_element()));
-    let [c, a, d, b] = corners.map(|v| v.as_dvec3());
-    let off = d - (a + b - c);
-    let (ca, cb) = (a - c, b - c);
-    off.abs().max_element() <= CORNER * f64::from(reach)
-        && off.dot(ca.cross(cb).normalize()).abs() <= BEND * ca.length().max(cb.length())
+    let quad = Quad::of(&first.v, &second.v)?;
+    let [c, a, _, b] = quad.corners.map(|v| v.as_dvec3());
+    let (ca, cb, gap) = (a - c, b - c, quad.gap());
+    let is_parallelogram = gap.abs().max_element() <= CORNER * f64::from(quad.reach())
+        && gap.dot(ca.cross(cb).normalize()).abs() <= BEND * ca.length().max(cb.length());
+    // (c, a, b) begins with vertex (3 − apex) mod 3 counted from c; so for the other.
+    let first_vertex = quad.apex.map(|apex| (3 - apex) as u32 % 3);
+    is_parallelogram.then(|| face(quad.corners, [first.prim, second.prim], first_vertex))
 }
 
 /// The face with these corners in their winding. Products are formed in f64 and rounded once.

@@ -1,15 +1,15 @@
-//! Sixteen rays against all faces. Loops over lanes without branches; compiled for the build's baseline and for AVX-512 with the same
-//! bits, as every fused operation is written out.
+//! Sixteen rays against all faces. Loops over lanes without branches; compiled for the build's baseline and for AVX-512
+//! with the same bits, as every fused operation is written out.
 
 use bytemuck::cast_ref;
 use glam::DVec3;
 
 use super::faces::{Corner, Face, Faces};
-use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
+use crate::backend::batch::{BLOCKED, Batch, Block, INVALID_ID, LANES, RayBlock, RayHitBlock};
+use crate::backend::past::Without;
 use crate::math::float::UNIT_ROUNDOFF;
-use crate::math::isa::Widened;
-use crate::math::isa::moves::Moves;
 use crate::math::lanes::lanes_of;
+use crate::math::simd::isa::{Isa, Kernel};
 
 /// "No face yet": the spare corner behind the last one is looked up instead.
 const NOTHING: u32 = u32::MAX;
@@ -17,63 +17,59 @@ const NOTHING: u32 = u32::MAX;
 /// Cosine below which a hit is computed in f64.
 const GRAZING: f32 = 1.0 / 64.0;
 
-/// Roundings, over the coordinates of origin and face, up to which the side on which a ray passes an edge is not known: two of
-/// the ray's moment, one of the edge, one of the sum. f64 decides then; without it 1.6 % of rays at the vertices of a closed
-/// sphere found no face.
+/// Roundings, over the coordinates of origin and face, up to which the side on which a ray passes an edge is not known:
+/// two of the ray's moment, one of the edge, one of the sum. f64 decides then; without it 1.6 % of rays at the vertices
+/// of a closed sphere found no face.
 const EDGE: f32 = 4.0 * UNIT_ROUNDOFF;
 
-/// A face that leans so far that its height, as the ray sees it, is below this many times the slack of [`EDGE`] is looked at in
-/// f64. A ray that is nearly parallel to an edge passes it by less than it is apart from it.
+/// A face that leans so far that its height, as the ray sees it, is below this many times the slack of [`EDGE`] is
+/// decided in f64. A ray that is nearly parallel to an edge passes it by less than it is apart from it.
 const SURE: f32 = 256.0;
 
-/// How far beside a triangle, as a weight, a point in f64 still belongs to it: its own rounding, so that neighbours overlap.
+/// How far beside a triangle, as a weight, a point in f64 still belongs to it: its own rounding, so that neighbours
+/// overlap.
 const EXACT: f64 = 1e-9;
 
 type Column = [f32; LANES];
 
-/// Closest hits of a batch; the number of invalid rays.
-pub(super) struct Closest<'a> {
-    pub faces: &'a Faces,
-    pub blocks: &'a mut [RayHitBlock],
-    pub len: usize,
+/// A block that is traced against faces.
+pub(in crate::backend) trait Meets: Block {
+    /// Traces the lanes of `valid`; the others hit nothing. Faces that a ray has passed do not count; the first lane
+    /// has the number that comes with them.
+    fn meet<I: Isa>(&mut self, faces: &Faces, valid: u16, without: (usize, impl Without));
 }
 
-/// Any hits of a batch; the number of invalid rays.
-pub(super) struct Any<'a> {
-    pub faces: &'a Faces,
-    pub blocks: &'a mut [RayBlock],
-    pub len: usize,
-}
-
-impl Widened for Closest<'_> {
-    type Output = u64;
-
+impl Meets for RayHitBlock {
     #[inline(always)]
-    fn run<M: Moves>(self) -> u64 {
-        let mut invalid = 0;
-        for (index, block) in self.blocks.iter_mut().enumerate() {
-            let lanes = (self.len - index * LANES).min(LANES);
-            let valid = valid_lanes(&block.ray, lanes);
-            invalid += lanes as u64 - u64::from(valid.count_ones());
-            closest::<M>(self.faces, block, valid);
-        }
-        invalid
+    fn meet<I: Isa>(&mut self, faces: &Faces, valid: u16, without: (usize, impl Without)) {
+        closest::<I, _>(faces, self, valid, without);
     }
 }
 
-impl Widened for Any<'_> {
+impl Meets for RayBlock {
+    #[inline(always)]
+    fn meet<I: Isa>(&mut self, faces: &Faces, valid: u16, _without: (usize, impl Without)) {
+        any(faces, self, valid);
+    }
+}
+
+/// Traces a batch; the number of invalid rays.
+pub(super) struct Trace<'a, B, W> {
+    pub faces: &'a Faces,
+    pub batch: Batch<'a, B>,
+    pub without: W,
+}
+
+impl<B: Meets, W: Without> Kernel for Trace<'_, B, W> {
     type Output = u64;
 
     #[inline(always)]
-    fn run<M: Moves>(self) -> u64 {
-        let mut invalid = 0;
-        for (index, block) in self.blocks.iter_mut().enumerate() {
-            let lanes = (self.len - index * LANES).min(LANES);
-            let valid = valid_lanes(block, lanes);
-            invalid += lanes as u64 - u64::from(valid.count_ones());
-            any(self.faces, block, valid);
+    fn run<I: Isa>(self) -> u64 {
+        let Trace { faces, mut batch, without } = self;
+        while let Some((index, block, valid)) = batch.next_block() {
+            block.meet::<I>(faces, valid, (index * LANES, without));
         }
-        invalid
+        batch.invalid()
     }
 }
 
@@ -134,7 +130,7 @@ fn pass<const N: usize>(face: &Face<N>, rays: &Rays, i: usize) -> Pass {
 }
 
 #[inline(always)]
-fn closest<M: Moves>(faces: &Faces, block: &mut RayHitBlock, valid: u16) {
+fn closest<I: Isa, W: Without>(faces: &Faces, block: &mut RayHitBlock, valid: u16, (lane, without): (usize, W)) {
     let rays = Rays::new(faces, &block.ray);
     // `tfar` itself belongs to the segment. A ray that is not valid has no segment.
     let mut met = Met { t: [0.0; LANES], face: [NOTHING; LANES] };
@@ -144,18 +140,36 @@ fn closest<M: Moves>(faces: &Faces, block: &mut RayHitBlock, valid: u16) {
     }
     let (quads, triangles) = faces.exact.split_at(faces.quads.len());
     for (first, (some, exact)) in (0u32..).step_by(SOME).zip(faces.quads.chunks(SOME).zip(quads.chunks(SOME))) {
-        met.nearest(some, exact, &rays, first);
+        let passed = passed(faces, first, valid, (lane, without));
+        met.nearest::<_, W>((some, exact), &rays, first, &passed);
     }
     let first = faces.quads.len() as u32;
     let triangles = faces.triangles.chunks(SOME).zip(triangles.chunks(SOME));
     for (first, (some, exact)) in (first..).step_by(SOME).zip(triangles) {
-        met.nearest(some, exact, &rays, first);
+        let passed = passed(faces, first, valid, (lane, without));
+        met.nearest::<_, W>((some, exact), &rays, first, &passed);
     }
-    resolve::<M>(faces, block, &met);
+    resolve::<I>(faces, block, &met);
 }
 
 /// Faces whose doubtful lanes are one number of 32 bits.
 const SOME: usize = 32;
+
+/// Of the [`SOME`] faces from `first` on, those that each ray has passed, a bit each.
+#[inline(always)]
+fn passed<W: Without>(faces: &Faces, first: u32, valid: u16, (lane, without): (usize, W)) -> [u32; LANES] {
+    let mut passed = [0; LANES];
+    if W::SOME {
+        for i in lanes_of(valid) {
+            // Keys of instances are above every number of a triangle.
+            let prims = without.of(lane + i).filter_map(|key| u32::try_from(key).ok());
+            for face in prims.filter_map(|prim| faces.of_triangle(prim)) {
+                passed[i] |= 1u32.checked_shl(face.wrapping_sub(first)).unwrap_or(0);
+            }
+        }
+    }
+    passed
+}
 
 /// The nearest face of each lane so far.
 struct Met {
@@ -166,19 +180,27 @@ struct Met {
 }
 
 impl Met {
-    /// Meets [`SOME`] faces at most, the first of which has number `first`.
+    /// Meets [`SOME`] faces at most, with their corners, the first of which has number `first`; those in `passed` do
+    /// not count.
     #[inline(always)]
-    fn nearest<const N: usize>(&mut self, faces: &[Face<N>], exact: &[[DVec3; 4]], rays: &Rays, first: u32) {
+    fn nearest<const N: usize, W: Without>(
+        &mut self,
+        (faces, exact): (&[Face<N>], &[[DVec3; 4]]),
+        rays: &Rays,
+        first: u32,
+        passed: &[u32; LANES],
+    ) {
         let mut unsure = [0u32; LANES];
         let tnear = &rays.ray.tnear;
         for (k, face) in (0u32..).zip(faces) {
             for i in 0..LANES {
                 let pass = pass(face, rays, i);
                 let t = pass.height / pass.over;
-                let closer = pass.inside & (t >= tnear[i]) & (t < self.t[i]);
+                let counts = !W::SOME | (passed[i] >> k & 1 == 0);
+                let closer = pass.inside & counts & (t >= tnear[i]) & (t < self.t[i]);
                 self.t[i] = if closer { t } else { self.t[i] };
                 self.face[i] = if closer { first + k } else { self.face[i] };
-                unsure[i] |= if pass.unsure { 1 << k } else { 0 };
+                unsure[i] |= if pass.unsure & counts { 1 << k } else { 0 };
             }
         }
         for i in marked(&unsure) {
@@ -211,8 +233,8 @@ fn any(faces: &Faces, ray: &mut RayBlock, valid: u16) {
     }
 }
 
-/// Marks the lanes whose segment one of the faces, [`SOME`] at most, blocks. Not divided: heights are compared with those of the
-/// segment's ends.
+/// Marks the lanes whose segment one of the faces, [`SOME`] at most, blocks. Not divided: heights are compared with
+/// those of the segment's ends.
 #[inline(always)]
 fn blocks<const N: usize>(faces: &[Face<N>], exact: &[[DVec3; 4]], rays: &Rays, blocked: &mut [u32; LANES]) {
     let mut unsure = [0u32; LANES];
@@ -255,7 +277,7 @@ fn meets<const N: usize>(&[c, a, d, b]: &[DVec3; 4], ray: &RayBlock, i: usize) -
 
 /// Distance and weights of the face that each lane found, relative to the ray's origin (Möller and Trumbore 1997).
 #[inline(always)]
-fn resolve<M: Moves>(faces: &Faces, block: &mut RayHitBlock, met: &Met) {
+fn resolve<I: Isa>(faces: &Faces, block: &mut RayHitBlock, met: &Met) {
     let RayHitBlock { ray, hit } = block;
     let spare = faces.corners.len() - 1;
     let corner = |i: usize| &faces.corners[(met.face[i] as usize).min(spare)];
@@ -263,7 +285,7 @@ fn resolve<M: Moves>(faces: &Faces, block: &mut RayHitBlock, met: &Met) {
     for (i, row) in rows.iter_mut().enumerate() {
         *row = cast_ref(corner(i));
     }
-    let [cx, cy, cz, ax, ay, az, bx, by, bz, nx, ny, nz, prim_1, prim_2, first_1, first_2] = M::transpose(rows);
+    let [cx, cy, cz, ax, ay, az, bx, by, bz, nx, ny, nz, prim_1, prim_2, first_1, first_2] = I::transpose(rows);
     let (mut t, mut alpha, mut beta, mut grazing) = (met.t, [0.0; LANES], [0.0; LANES], [0u32; LANES]);
     for i in 0..LANES {
         let d = [ray.dir_x[i], ray.dir_y[i], ray.dir_z[i]];
@@ -278,7 +300,7 @@ fn resolve<M: Moves>(faces: &Faces, block: &mut RayHitBlock, met: &Met) {
         grazing[i] = u32::from(oblique);
     }
     for i in marked(&grazing) {
-        // Nothing to tell of a ray in the plane itself: the corner, at the distance that was found.
+        // A ray in the plane has no hit: the corner, at the distance that was found.
         let (exact_t, a, b) = exact(corner(i), ray, i).unwrap_or((f64::from(t[i]), 0.0, 0.0));
         (t[i], alpha[i], beta[i]) = (exact_t as f32, a as f32, b as f32);
     }

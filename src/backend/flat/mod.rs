@@ -1,41 +1,40 @@
 //! Every ray against every face, sixteen rays at a time: for scenes of so few faces that there is nothing to skip.
 //!
-//! A hierarchy pays when most of a scene can be left out. In a Cornell box it cannot: diffuse rays start inside, every lane of
-//! a packet goes its own way, and a traversal spends its time on choosing. Here 16 rays meet one face after the other with
-//! no branch at all. Two triangles that make a parallelogram are one face (`faces.rs`).
+//! A hierarchy pays when most of a scene can be left out. In a Cornell box it cannot: diffuse rays start inside, every
+//! lane of a packet goes its own way, and a traversal spends its time on choosing. Here 16 rays meet one face after the
+//! other with no branch at all. Two triangles that make a parallelogram are one face (`faces.rs`).
 //!
-//! A ray passes a face if it passes all of its edges on the same side, by Plücker coordinates (`kernel`). Where the rounding of these
-//! numbers leaves the side open, f64 decides, by the corners themselves: at vertices, where the edges of no face may agree, and for
-//! faces seen nearly edge-on. The error is one of the scene's size, so a scene must lie around its origin ([`suits`]). The weights
-//! of the hit that won are computed anew relative to the ray's origin, in f64 where it is oblique.
+//! A ray passes a face if it passes all of its edges on the same side, by Plücker coordinates (`kernel`). Where the
+//! rounding of these numbers leaves the side open, f64 decides, by the corners themselves: at vertices, where the edges
+//! of no face may agree, and for faces seen nearly edge-on. The error is one of the scene's size, so a scene must lie
+//! around its origin ([`can_trace`]). The weights of the hit that won are computed anew relative to the ray's origin,
+//! in f64 where it is oblique.
 //!
-//! Limits: no instances, so nothing that moves; a triangle seen exactly edge-on is not hit; of two hits at equal distance parallelograms come before
-//! triangles, then the lower triangle wins.
+//! Limits: no instances, so nothing that moves; a triangle seen exactly edge-on is not hit; of two hits at equal
+//! distance parallelograms come before triangles, then the lower triangle wins.
 
 mod faces;
 mod kernel;
 
 use glam::Vec3;
 
-use self::faces::Faces;
-pub(super) use self::faces::Triangle;
-use self::kernel::{Any, Closest};
-use super::batch::{LANES, RayBlock, RayHitBlock};
+pub(super) use self::faces::{Faces, Triangle};
+pub(super) use self::kernel::Meets;
+use self::kernel::Trace;
+use super::batch::{Batch, RayBlock, RayHitBlock};
+use super::past::Past;
 use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
-use crate::math::isa;
-use crate::scene::geometry::{Geometry, TriangleMesh};
+use crate::math::simd::{detect, dispatch};
+use crate::scene::geometry::Geometry;
 use crate::{Error, Result};
 
-/// Faces up to which this is faster than Embree. Time grows with their number, Embree's hardly.
-pub(super) const MOST_FACES: usize = 64;
-
-/// Powers of two, metres, between which coordinates and sizes must lie: their squares, and those of a face a million times smaller,
-/// are numbers of f32.
+/// Powers of two, metres, between which coordinates and sizes must lie: their squares, and those of a face a million
+/// times smaller, are numbers of f32.
 const SIZES_M: (f32, f32) = (1.0 / (1u64 << 40) as f32, (1u64 << 40) as f32);
 
 /// What [`can_trace`] asks for.
-pub(crate) const LIMITS: &str = "flat traces only scenes without instances, around their origin, between 10⁻¹² and 10¹² m; \
-                                 embree and obvhs trace any";
+pub(crate) const LIMITS: &str = "flat traces only scenes without instances, around their origin, between 10⁻¹² and \
+                                 10¹² m; embree and obvhs trace any";
 
 /// The faces of a small scene.
 pub struct Flat {
@@ -65,14 +64,6 @@ pub(super) fn count(triangles: &[Triangle]) -> usize {
     Faces::new(triangles).count()
 }
 
-/// Whether this is the fastest way to trace a scene.
-pub fn suits(geometry: &Geometry) -> bool {
-    let few = |mesh: &TriangleMesh| {
-        mesh.indices.len() <= 2 * MOST_FACES && count(&Triangle::of(mesh).collect::<Vec<_>>()) <= MOST_FACES
-    };
-    geometry.meshes.first().is_some_and(few) && can_trace(geometry)
-}
-
 impl Flat {
     /// Prepares the faces.
     ///
@@ -83,25 +74,20 @@ impl Flat {
             return Err(Error::Backend { backend: "flat", problem: LIMITS.into() });
         }
         let triangles: Vec<Triangle> = geometry.meshes.iter().take(1).flat_map(Triangle::of).collect();
-        Ok(Flat::over(&triangles, options))
-    }
-
-    /// Prepares triangles that are [`in_range`], if any.
-    pub(super) fn over(triangles: &[Triangle], options: &BackendOptions) -> Self {
-        let faces = Faces::new(triangles);
-        let wide = isa::has_avx512() && options.isa.as_deref().is_none_or(|isa| isa == "avx512");
+        let faces = Faces::new(&triangles);
+        let wide = detect::is_wide(options.isa.as_deref());
         let packet = QueryMode::Packet16.name();
         let info = BackendInfo {
             kind: BackendKind::Flat,
             version: env!("CARGO_PKG_VERSION").into(),
-            isa: isa::name(wide).into(),
+            isa: detect::name(wide).into(),
             rays_incoherent: packet,
             rays_coherent: packet,
             rays_shadow: packet,
             bvh_bytes: faces.bytes(),
             triangles: faces.triangles(),
         };
-        Flat { info, faces, wide }
+        Ok(Flat { info, faces, wide })
     }
 }
 
@@ -111,22 +97,26 @@ impl Backend for Flat {
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {
-        let blocks = &mut blocks[..len.div_ceil(LANES)];
-        isa::widest(self.wide, Closest { faces: &self.faces, blocks, len })
+        dispatch::widest(self.wide, Trace { faces: &self.faces, batch: Batch::new(blocks, len), without: () })
+    }
+
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64 {
+        let without = past.lanes();
+        dispatch::widest(self.wide, Trace { faces: &self.faces, batch: Batch::new(blocks, len), without })
     }
 
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
-        let blocks = &mut blocks[..len.div_ceil(LANES)];
-        isa::widest(self.wide, Any { faces: &self.faces, blocks, len })
+        dispatch::widest(self.wide, Trace { faces: &self.faces, batch: Batch::new(blocks, len), without: () })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::batch::BLOCKED;
+    use crate::backend::batch::{BLOCKED, LANES};
     use crate::backend::brute::Brute;
     use crate::math::float;
+    use crate::scene::geometry::TriangleMesh;
 
     /// A room of parallelograms with some loose triangles in it, and rays from inside.
     fn scene() -> (Geometry, Vec<RayHitBlock>) {
@@ -166,8 +156,8 @@ mod tests {
         Flat { wide: wide && flat.wide, ..flat }
     }
 
-    /// Oracle: `brute`. The same triangle and numbers within rounding, but for rays that pass an edge within the slack: at most 3
-    /// of 32 000. Both instruction sets give the same bits.
+    /// Oracle: `brute`. The same triangle and numbers within rounding, but for rays that pass an edge within the slack:
+    /// at most 3 of 32 000. Both instruction sets give the same bits.
     #[test]
     fn hits_are_those_of_every_triangle() {
         let (geometry, rays) = scene();
@@ -204,7 +194,8 @@ mod tests {
         assert!(other <= 3, "{other} differ");
     }
 
-    /// Oracle: exact arithmetic. A scene and its rays scaled by a power of two give the same weights, and distances so scaled.
+    /// Oracle: exact arithmetic. A scene and its rays scaled by a power of two give the same weights, and distances so
+    /// scaled.
     #[test]
     fn scale_does_not_matter() {
         let (geometry, rays) = scene();
@@ -228,8 +219,8 @@ mod tests {
         }
     }
 
-    /// Oracle: none of them is met again. Rays leave small parallelograms about (1, y, 1), whose corners rounding has bent out
-    /// of their plane, some further than rays start above it.
+    /// Oracle: none of them is met again. Rays leave small parallelograms about (1, y, 1), whose corners rounding has
+    /// bent out of their plane, some further than rays start above it.
     #[test]
     fn bent_parallelograms_do_not_shadow_themselves() {
         let mut state = 7u64;
@@ -270,7 +261,8 @@ mod tests {
         assert_eq!(again, 0);
     }
 
-    /// Oracle: the plane. A metre seen from 10 km, whose rounding of rays is a millimetre: rays that pass 10⁻⁵ m beside it miss.
+    /// Oracle: the plane. A metre seen from 10 km, whose rounding of rays is a millimetre: rays that pass 10⁻⁵ m
+    /// beside it miss.
     #[test]
     fn distance_makes_nothing_larger() {
         let (geometry, _) = scene();
@@ -295,11 +287,11 @@ mod tests {
     #[test]
     fn scenes_off_their_origin_are_refused() {
         let (mut geometry, _) = scene();
-        assert!(suits(&geometry));
+        assert!(can_trace(&geometry));
         for vertex in &mut geometry.meshes[0].vertices {
             *vertex += Vec3::X * 100.0;
         }
-        assert!(!can_trace(&geometry) && !suits(&geometry));
+        assert!(!can_trace(&geometry));
         let refused = Flat::build(&geometry, &BackendOptions::default()).err().expect("refused").to_string();
         assert!(refused.contains("around their origin"), "{refused}");
     }

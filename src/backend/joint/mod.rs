@@ -1,38 +1,33 @@
 //! A few large faces one after the other, then a hierarchy of what else there is, for the rays that come near it.
 //!
-//! Rooms are made of few walls and of things with many triangles. A hierarchy over both makes every ray pass the boxes of the
-//! things on its way to the wall. Here sixteen rays first meet all walls as in [`flat`], without a branch; what they
-//! meet ends them. Then they are held against balls and boxes around the things; only those that come near one are packed
-//! into blocks of their own and traced by the other backend, in a hierarchy that has no walls.
+//! Rooms are made of few walls and of things with many triangles. A hierarchy over both makes every ray pass the boxes
+//! of the things on its way to the wall. Here sixteen rays first meet all walls as in [`flat`], without a branch; what
+//! they meet ends them. Then they are tested against balls and boxes around the things (`cull.rs`); only those that
+//! come near one are packed into blocks and traced by the other backend, in a hierarchy that has no walls.
 //!
 //! A hit is the nearer one of both; at equal distance the hierarchy's. Nothing depends on a ray's neighbours.
 
+mod cull;
 mod parts;
-mod sieve;
 mod volumes;
 
 use std::cell::RefCell;
-use std::ops::RangeInclusive;
+use std::thread::LocalKey;
 
-use self::parts::{FACE, Parts};
-use self::sieve::{Packed, Sieve};
+use self::cull::{Cull, Packed};
+pub use self::parts::Limits;
+use self::parts::Parts;
 use self::volumes::Volumes;
-use super::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock};
+use super::batch::{BLOCKED, Batch, INVALID_ID, LANES, RayBlock, RayHitBlock};
 use super::bounds::{self, Bounds};
-use super::flat::{self, Flat};
+use super::flat::{self, Faces, Meets};
 use super::obvhs::Obvhs;
+use super::past::{Past, Without};
+use super::triangle::RayByRay;
 use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence};
 use crate::Result;
-use crate::math::isa;
+use crate::math::simd::{detect, dispatch};
 use crate::scene::geometry::{Geometry, TriangleMesh};
-
-/// Largest cost of a ray, over that in a hierarchy of all, with which this is faster: what the faces take, and the chance that a line
-/// through the scene comes near a volume (the ratio of their surfaces).
-const MOST: f32 = 0.6;
-
-/// Triangles of all meshes together with which this is taken where there is Embree. With fewer, Embree is as fast (veach-mis, 1292
-/// triangles: 0.97); with more, building takes seconds longer (2 µs a triangle, against 0.5).
-pub const TRIANGLES: RangeInclusive<usize> = 1 << 14..=1 << 20;
 
 /// Faces, and another backend for the rest.
 pub struct Joint {
@@ -43,25 +38,26 @@ pub struct Joint {
 }
 
 struct Front {
-    flat: Flat,
+    faces: Faces,
     volumes: Volumes,
     wide: bool,
 }
 
-thread_local! {
-    /// Rays on their way to the hierarchy.
-    static CLOSEST: RefCell<Packed<RayHitBlock>> = const { RefCell::new(Packed::new()) };
-    static ANY: RefCell<Packed<RayBlock>> = const { RefCell::new(Packed::new()) };
+/// What dividing a scene comes to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Division {
+    /// Faces that every ray meets.
+    pub faces: usize,
+    /// Chance that a line through the scene comes near the rest: the ratio of the volumes' surfaces to its box's.
+    pub near: f32,
 }
 
-/// Whether this is faster than a hierarchy of all.
-pub fn suits(geometry: &Geometry) -> bool {
+/// Divides a scene to see what it comes to; `None` where no faces are worth it, or nothing else is there.
+pub fn divide(geometry: &Geometry, limits: &Limits) -> Option<Division> {
     let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
-    let cost = |parts: Parts| {
-        let near = Volumes::new(&parts.bodies, 1.0).half_area / scene.half_area();
-        FACE * flat::count(&parts.faces) as f32 + near
-    };
-    Parts::of(geometry).is_some_and(|parts| !parts.bodies.is_empty() && cost(parts) <= MOST)
+    let parts = Parts::of(geometry, limits).filter(|parts| !parts.bodies.is_empty())?;
+    let near = Volumes::new(&parts.bodies, limits.volumes, 1.0).half_area / scene.half_area();
+    Some(Division { faces: flat::count(&parts.faces), near })
 }
 
 impl Joint {
@@ -69,28 +65,49 @@ impl Joint {
     ///
     /// # Errors
     /// Those of [`Obvhs::build`].
-    pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
+    pub fn build(geometry: &Geometry, limits: &Limits, options: &BackendOptions) -> Result<Self> {
         let kind = BackendKind::FlatObvhs;
-        let Some(parts) = Parts::of(geometry) else {
+        let Some(parts) = Parts::of(geometry, limits) else {
             let none = TriangleMesh::default();
             let rest = Obvhs::build(geometry, geometry.meshes.first().unwrap_or(&none), options)?;
             return Ok(Joint { info: BackendInfo { kind, ..rest.info().clone() }, front: None, rest });
         };
         let rest = Obvhs::build(geometry, &parts.rest(&geometry.meshes[0]), options)?;
-        let flat = Flat::over(&parts.faces, options);
+        let faces = Faces::new(&parts.faces);
         let all = (0u32..).zip(&geometry.instances);
         let poses = all.flat_map(|(i, placement)| geometry.moving.steps(i).iter().chain([placement]));
         let stretch = poses.map(bounds::condition).fold(1.0, f64::max);
-        let volumes = Volumes::new(&parts.bodies, stretch as f32);
-        let (few, many) = (flat.info(), rest.info().clone());
+        let volumes = Volumes::new(&parts.bodies, limits.volumes, stretch as f32);
+        let rest_info = rest.info().clone();
         let info = BackendInfo {
             kind,
-            bvh_bytes: few.bvh_bytes + many.bvh_bytes,
-            triangles: few.triangles + many.triangles,
-            ..many
+            bvh_bytes: faces.bytes() + rest_info.bvh_bytes,
+            triangles: faces.triangles() + rest_info.triangles,
+            ..rest_info
         };
-        let wide = isa::has_avx512() && options.isa.as_deref().is_none_or(|isa| isa == "avx512");
-        Ok(Joint { info, front: Some(Front { flat, volumes, wide }), rest })
+        let wide = detect::is_wide(options.isa.as_deref());
+        Ok(Joint { info, front: Some(Front { faces, volumes, wide }), rest })
+    }
+}
+
+impl Joint {
+    fn trace<B: Divided>(&self, blocks: &mut [B], len: usize, without: impl Without) -> u64 {
+        let Some(Front { faces, volumes, wide }) = &self.front else {
+            return self.rest.trace(Batch::new(blocks, len), without);
+        };
+        B::packed().with_borrow_mut(|packed| {
+            let batch = Batch::new(blocks, len);
+            let invalid = dispatch::widest(*wide, Cull { faces, volumes, batch, packed, without });
+            let mut passed = std::mem::take(&mut packed.passed);
+            let rest_without = without.reordered(packed.places(), &mut passed);
+            self.rest.trace(Batch::of_valid(&mut packed.blocks, packed.len), rest_without);
+            packed.passed = passed;
+            for (from, to) in packed.places().enumerate() {
+                let (block, lane) = (&mut blocks[to / LANES], to % LANES);
+                block.take(lane, &packed.blocks[from / LANES], from % LANES);
+            }
+            invalid
+        })
     }
 }
 
@@ -99,53 +116,63 @@ impl Backend for Joint {
         &self.info
     }
 
-    fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, hint: Coherence) -> u64 {
-        let Some(Front { flat, volumes, wide }) = &self.front else {
-            return self.rest.closest_hit(blocks, len, hint);
-        };
-        let invalid = flat.closest_hit(blocks, len, hint);
-        CLOSEST.with_borrow_mut(|packed| {
-            let blocks = &mut blocks[..len.div_ceil(LANES)];
-            isa::widest(*wide, Sieve { volumes, blocks, len, packed });
-            let refused = self.rest.closest_hit(&mut packed.blocks, packed.len, hint);
-            for (from, to) in packed.places().enumerate() {
-                let (found, from) = (&packed.blocks[from / LANES], from % LANES);
-                if found.hit.geom[from] != INVALID_ID {
-                    take(found, from, &mut blocks[to / LANES], to % LANES);
-                }
-            }
-            invalid + refused
-        })
+    fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {
+        self.trace(blocks, len, ())
     }
 
-    fn any_hit(&self, blocks: &mut [RayBlock], len: usize, hint: Coherence) -> u64 {
-        let Some(Front { flat, volumes, wide }) = &self.front else {
-            return self.rest.any_hit(blocks, len, hint);
-        };
-        let invalid = flat.any_hit(blocks, len, hint);
-        ANY.with_borrow_mut(|packed| {
-            let blocks = &mut blocks[..len.div_ceil(LANES)];
-            isa::widest(*wide, Sieve { volumes, blocks, len, packed });
-            let refused = self.rest.any_hit(&mut packed.blocks, packed.len, hint);
-            for (from, to) in packed.places().enumerate() {
-                if packed.blocks[from / LANES].tfar[from % LANES] == BLOCKED {
-                    blocks[to / LANES].tfar[to % LANES] = BLOCKED;
-                }
-            }
-            invalid + refused
-        })
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64 {
+        self.trace(blocks, len, past.lanes())
+    }
+
+    fn any_hit(&self, blocks: &mut [RayBlock], len: usize, _hint: Coherence) -> u64 {
+        self.trace(blocks, len, ())
     }
 }
 
-/// Puts the hit of one lane into another.
-#[inline(always)]
-fn take(found: &RayHitBlock, from: usize, block: &mut RayHitBlock, to: usize) {
-    block.ray.tfar[to] = found.ray.tfar[from];
-    block.hit.u[to] = found.hit.u[from];
-    block.hit.v[to] = found.hit.v[from];
-    block.hit.prim[to] = found.hit.prim[from];
-    block.hit.geom[to] = found.hit.geom[from];
-    block.hit.inst[to] = found.hit.inst[from];
+/// A block whose rays are traced in two parts.
+trait Divided: Meets + RayByRay + 'static {
+    /// A thread's rays on their way to the hierarchy.
+    fn packed() -> &'static LocalKey<RefCell<Packed<Self>>>;
+
+    /// Puts what the hierarchy found for lane `from` of `found`, if anything, into lane `to`.
+    fn take(&mut self, to: usize, found: &Self, from: usize);
+}
+
+impl Divided for RayHitBlock {
+    fn packed() -> &'static LocalKey<RefCell<Packed<Self>>> {
+        thread_local! {
+            static PACKED: RefCell<Packed<RayHitBlock>> = const { RefCell::new(Packed::new()) };
+        }
+        &PACKED
+    }
+
+    #[inline(always)]
+    fn take(&mut self, to: usize, found: &Self, from: usize) {
+        if found.hit.geom[from] != INVALID_ID {
+            self.ray.tfar[to] = found.ray.tfar[from];
+            self.hit.u[to] = found.hit.u[from];
+            self.hit.v[to] = found.hit.v[from];
+            self.hit.prim[to] = found.hit.prim[from];
+            self.hit.geom[to] = found.hit.geom[from];
+            self.hit.inst[to] = found.hit.inst[from];
+        }
+    }
+}
+
+impl Divided for RayBlock {
+    fn packed() -> &'static LocalKey<RefCell<Packed<Self>>> {
+        thread_local! {
+            static PACKED: RefCell<Packed<RayBlock>> = const { RefCell::new(Packed::new()) };
+        }
+        &PACKED
+    }
+
+    #[inline(always)]
+    fn take(&mut self, to: usize, found: &Self, from: usize) {
+        if found.tfar[from] == BLOCKED {
+            self.tfar[to] = BLOCKED;
+        }
+    }
 }
 
 #[cfg(test)]

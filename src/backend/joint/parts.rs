@@ -1,26 +1,32 @@
 //! Which triangles of the world mesh are faces, and what bodies the rest of the scene consists of.
 //!
-//! Triangles hang together when they share a vertex, by index or by position. What hangs together stays together: the two tests
-//! of triangles may disagree about a ray by an edge that both own, and it would slip through. Of the groups that are small
-//! enough those become faces which rays meet often for their number: the chance that a line through the scene meets a
-//! convex body is the ratio of their surfaces.
+//! Triangles hang together when they share a vertex, by index or by position. Connected faces stay together: the two
+//! tests of triangles may disagree about a ray by an edge that both own, and it would slip through. Of the groups that
+//! are small enough those become faces which rays meet often for their number: the chance that a line through the scene
+//! meets a convex body is the ratio of their surfaces.
 
 use std::collections::HashMap;
 
 use glam::Vec3;
 
 use crate::backend::bounds::{self, Bounds};
-use crate::backend::flat::{self, MOST_FACES, Triangle};
+use crate::backend::flat::{self, Triangle};
 use crate::scene::geometry::{Geometry, TriangleMesh};
 
-/// What a face costs, over what the hierarchy of the rest costs a ray. On glass-caustics a face takes 1 to 2 ns of a ray's time
-/// with AVX-512, twice that with AVX2; a ray in the hierarchy alone takes 150 to 250.
-pub(super) const FACE: f32 = 0.01;
-
-/// Corners that groups of few triangles may have together, and bodies: beyond, the scene is no room with things in it, and the search
-/// not worth its time.
-const MOST_CORNERS: usize = 1 << 16;
-const MOST_BODIES: usize = 1 << 12;
+/// Bounds of the search, set by `backend::select`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Faces at most.
+    pub faces: usize,
+    /// Cost of a face, over that of a ray in one hierarchy of everything.
+    pub face_cost: f32,
+    /// Volumes around the rest at most.
+    pub volumes: usize,
+    /// Corners at most, of all groups that are small enough for faces.
+    pub corners: usize,
+    /// Bodies of the rest at most.
+    pub bodies: usize,
+}
 
 /// Something that is left to the hierarchy. All of it lies in its box, and within `radius` of the box's centre.
 #[derive(Clone, Copy, Debug)]
@@ -43,15 +49,15 @@ pub(super) struct Parts {
 
 impl Parts {
     /// `None` where no triangles are worth it, or the scene has too many small things in it.
-    pub fn of(geometry: &Geometry) -> Option<Self> {
+    pub fn of(geometry: &Geometry, limits: &Limits) -> Option<Self> {
         let mesh = geometry.meshes.first()?;
-        if geometry.instances.len() > MOST_BODIES {
+        if geometry.instances.len() > limits.bodies {
             return None;
         }
         let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
         let mut groups = Groups::of_indices(mesh);
-        groups.join_small(mesh)?;
-        let is_face = groups.choose(mesh, scene.half_area());
+        groups.join_small(mesh, limits)?;
+        let is_face = groups.choose(mesh, scene.half_area(), limits);
         let chosen = groups.triangles(mesh).filter(|(_, group, _)| is_face[*group as usize]);
         let faces: Vec<_> = chosen.map(|(prim, _, v)| Triangle { prim, v }).collect();
         if faces.is_empty() || !flat::in_range(faces.iter().copied()) {
@@ -59,12 +65,12 @@ impl Parts {
         }
         let mut bodies = groups.bodies(mesh, &is_face);
         bodies.extend(instances(geometry));
-        (bodies.len() <= MOST_BODIES).then_some(Parts { faces, bodies, groups, is_face })
+        (bodies.len() <= limits.bodies).then_some(Parts { faces, bodies, groups, is_face })
     }
 
     /// The world mesh without the faces, whose triangles lose their corners; all keep their numbers.
     pub fn rest(&self, mesh: &TriangleMesh) -> TriangleMesh {
-        // A triangle that is not finite is left out by who traces the mesh.
+        // A triangle that is not finite is left out by the backend of the mesh.
         let nowhere = mesh.vertices.len() as u32;
         let vertices = mesh.vertices.iter().copied().chain([Vec3::NAN]).collect();
         let is_rest = |group: u32| group != NONE && !self.is_face[group as usize];
@@ -116,19 +122,19 @@ impl Groups {
         traced.map(move |(prim, &group)| (prim, group, corners(prim as usize)))
     }
 
-    fn is_small(&self, group: u32) -> bool {
-        self.count[group as usize] as usize <= 2 * MOST_FACES
+    fn is_small(&self, group: u32, limits: &Limits) -> bool {
+        self.count[group as usize] as usize <= 2 * limits.faces
     }
 
     /// Joins groups of few triangles that share a position. `None` if there are too many of them.
-    fn join_small(&mut self, mesh: &TriangleMesh) -> Option<()> {
+    fn join_small(&mut self, mesh: &TriangleMesh, limits: &Limits) -> Option<()> {
         let mut sets = Sets::new(self.count.len());
         let mut owners = HashMap::new();
-        for (_, group, corners) in self.triangles(mesh).filter(|(_, group, _)| self.is_small(*group)) {
+        for (_, group, corners) in self.triangles(mesh).filter(|(_, group, _)| self.is_small(*group, limits)) {
             for corner in corners {
                 sets.join(*owners.entry(position(corner)).or_insert(group), group);
             }
-            if owners.len() > MOST_CORNERS {
+            if owners.len() > limits.corners {
                 return None;
             }
         }
@@ -142,7 +148,7 @@ impl Groups {
     }
 
     /// Which groups become faces; `scene` is half the surface of its box, m².
-    fn choose(&self, mesh: &TriangleMesh, scene: f32) -> Vec<bool> {
+    fn choose(&self, mesh: &TriangleMesh, scene: f32, limits: &Limits) -> Vec<bool> {
         let mut boxes = vec![Bounds::EMPTY; self.count.len()];
         for (_, group, corners) in self.triangles(mesh) {
             boxes[group as usize] = boxes[group as usize].union(Bounds::of(&corners));
@@ -150,10 +156,11 @@ impl Groups {
         // Pairs of triangles are taken for parallelograms here.
         let faces = |group: u32| self.count[group as usize].div_ceil(2);
         let met = |group: u32| boxes[group as usize].half_area() / scene / faces(group) as f32;
-        let all = (0..self.count.len() as u32).filter(|&group| self.count[group as usize] > 0 && self.is_small(group));
-        let mut worth: Vec<u32> = all.filter(|&group| met(group) >= FACE / 2.0).collect();
+        let is_small = |group: u32| self.is_small(group, limits);
+        let all = (0..self.count.len() as u32).filter(|&group| self.count[group as usize] > 0 && is_small(group));
+        let mut worth: Vec<u32> = all.filter(|&group| met(group) >= limits.face_cost / 2.0).collect();
         worth.sort_by(|&a, &b| met(b).total_cmp(&met(a)).then(a.cmp(&b)));
-        let (mut left, mut is_face) = (MOST_FACES as u32, vec![false; self.count.len()]);
+        let (mut left, mut is_face) = (limits.faces as u32, vec![false; self.count.len()]);
         for group in worth {
             if faces(group) <= left {
                 left -= faces(group);
@@ -165,7 +172,7 @@ impl Groups {
             .flat_map(|(_, group, corners)| corners.map(|corner| (position(corner), group)))
             .collect();
         corners.sort_unstable();
-        let large = self.triangles(mesh).filter(|(_, group, _)| !self.is_small(*group));
+        let large = self.triangles(mesh).filter(|(_, group, _)| !is_small(*group));
         for corner in large.flat_map(|(_, _, corners)| corners) {
             if let Ok(at) = corners.binary_search_by_key(&position(corner), |(at, _)| *at) {
                 is_face[corners[at].1 as usize] = false;
@@ -257,7 +264,7 @@ impl Sets {
         i
     }
 
-    /// The lower number stands for both.
+    /// The lower number represents both.
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.find(a), self.find(b));
         self.parent[a.max(b) as usize] = a.min(b);

@@ -6,6 +6,7 @@ use super::*;
 use crate::backend::Backend;
 use crate::backend::batch::Hit;
 use crate::backend::brute::Brute;
+use crate::backend::select::{self, DIVIDED_COST, DIVISION};
 use crate::scene::geometry::Placement;
 
 struct Numbers(u64);
@@ -91,7 +92,7 @@ fn room() -> Geometry {
 
 fn joint(geometry: &Geometry, isa: &str) -> Joint {
     let options = BackendOptions { isa: (isa == "avx2").then(|| isa.into()), ..BackendOptions::default() };
-    Joint::build(geometry, &options).expect("it builds")
+    Joint::build(geometry, &DIVISION, &options).expect("it builds")
 }
 
 /// Rays from within the room, every other one a segment.
@@ -119,12 +120,13 @@ fn blocked(backend: &dyn Backend, rays: &[RayHitBlock], len: usize) -> Vec<bool>
     (0..len).map(|i| blocks[i / LANES].tfar[i % LANES] == BLOCKED).collect()
 }
 
-/// Oracle: `brute`. The same triangle of the same instance and numbers within rounding, but for rays that pass an edge within the
-/// slack: at most 3 of 32 000. Both instruction sets give the same bits, and a batch the same as its beginning.
+/// Oracle: `brute`. The same triangle of the same instance and numbers within rounding, but for rays that pass an edge
+/// within the slack: at most 3 of 32 000. Both instruction sets give the same bits, and a batch the same as its
+/// beginning.
 #[test]
 fn hits_are_those_of_every_triangle() {
     let (geometry, rays) = (room(), rays());
-    let parts = Parts::of(&geometry).expect("walls");
+    let parts = Parts::of(&geometry, &DIVISION).expect("walls");
     assert_eq!((parts.faces.len(), parts.bodies.len()), (12, 4));
     let (narrow, wide) = (joint(&geometry, "avx2"), joint(&geometry, "any"));
     let len = rays.len() * LANES;
@@ -153,12 +155,12 @@ fn hits_are_those_of_every_triangle() {
     assert!(on(0) > 300 && on(1) > 300, "{} and {} hits on the instances", on(0), on(1));
 }
 
-/// Oracle: points that lie on the triangles of the rest, in f64. No segment that ends just behind such a point is left out, from
-/// wherever it comes, nor one that begins just before it.
+/// Oracle: points that lie on the triangles of the rest, in f64. No segment that ends just behind such a point is left
+/// out, from wherever it comes, nor one that begins just before it.
 #[test]
 fn no_ray_at_the_rest_is_left_out() {
     let geometry = room();
-    let parts = Parts::of(&geometry).expect("walls");
+    let parts = Parts::of(&geometry, &DIVISION).expect("walls");
     let stretch = geometry.instances.iter().map(bounds::condition).fold(1.0, f64::max) as f32;
     let mut numbers = Numbers(3);
     let placed = |p: Vec3, map: &Affine3A| {
@@ -182,7 +184,7 @@ fn no_ray_at_the_rest_is_left_out() {
         Body { bounds: Bounds { lo: at, hi: at + 0.05 }, radius: 0.05 }
     }));
     for bodies in [&parts.bodies, &many] {
-        let volumes = Volumes::new(bodies, stretch);
+        let volumes = Volumes::new(bodies, DIVISION.volumes, stretch);
         for reach in [1.0, 1e3, 1e6, 1e12, 1e17] {
             for p in points.iter().step_by(3) {
                 let mut ray = RayBlock::EMPTY;
@@ -202,13 +204,14 @@ fn no_ray_at_the_rest_is_left_out() {
     }
 }
 
-/// Oracle: geometry. Rays that pass a ball or a box by a hundredth of its size, and those that end before it, are not held up.
+/// Oracle: geometry. Rays that pass a ball or a box by a hundredth of its size, and those that end before it, are not
+/// held up.
 #[test]
 fn rays_that_pass_are_left_out() {
     let bodies = [Vec3::X, Vec3::NEG_X].map(|c| Body { bounds: Bounds { lo: c - 0.5, hi: c + 0.5 }, radius: 0.5 });
     let box_like = bodies.map(|body| Body { radius: 0.9, ..body });
     for bodies in [bodies, box_like] {
-        let volumes = Volumes::new(&bodies, 1.0);
+        let volumes = Volumes::new(&bodies, DIVISION.volumes, 1.0);
         let near = |org: Vec3, dir: Vec3, tfar: f32| {
             let mut ray = RayBlock::EMPTY;
             ray.set(3, org, dir, tfar);
@@ -223,8 +226,8 @@ fn rays_that_pass_are_left_out() {
     }
 }
 
-/// Oracle: the rule. What shares a position with a mesh of many triangles stays with it, whatever its size; small things are no
-/// faces; walls that touch one another are taken together.
+/// Oracle: the rule. What shares a position with a mesh of many triangles stays with it, whatever its size; small
+/// things are no faces; walls that touch one another are taken together.
 #[test]
 fn what_hangs_together_stays_together() {
     let faces = |change: &dyn Fn(&mut TriangleMesh)| {
@@ -234,7 +237,7 @@ fn what_hangs_together_stays_together() {
         quad(&mut mesh, [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| Vec3::new(-1.0, y, z)));
         change(&mut mesh);
         let geometry = bounded(Geometry { meshes: vec![mesh], ..Geometry::default() });
-        Parts::of(&geometry).map_or(0, |parts| {
+        Parts::of(&geometry, &DIVISION).map_or(0, |parts| {
             let mesh = &geometry.meshes[0];
             let (few, many) = (parts.faces.len(), parts.rest(mesh).traced().count());
             assert_eq!(few + many, mesh.traced().count());
@@ -252,6 +255,11 @@ fn what_hangs_together_stays_together() {
     assert_eq!(faces(&corner), 0);
     // No ball at all is no matter for this backend, but no fault either.
     assert_eq!(faces(&|mesh| mesh.indices.retain(|triangle| triangle[0] >= 169)), 4);
+}
+
+/// Whether dividing `geometry` pays.
+fn suits(geometry: &Geometry) -> bool {
+    divide(geometry, &DIVISION).is_some_and(|division| select::cost(&division) <= DIVIDED_COST)
 }
 
 /// Oracle: the rule. A room with things in it, but not the things alone, nor a room that is full of them.
@@ -280,12 +288,12 @@ fn many_faces_do_not_pay() {
         ball(&mut mesh, Vec3::ZERO, 0.2, 12);
         bounded(Geometry { meshes: vec![mesh], ..Geometry::default() })
     };
-    assert_eq!(Parts::of(&dome(7)).expect("a dome").faces.len(), 2 * 49 - 7);
+    assert_eq!(Parts::of(&dome(7), &DIVISION).expect("a dome").faces.len(), 2 * 49 - 7);
     assert!(!suits(&dome(7)));
     assert!(suits(&dome(4)));
 }
 
-/// Oracle: the same mesh without them. Triangles that cannot be traced are in nobody's way, on an instance too.
+/// Oracle: the same mesh without them. Triangles that cannot be traced do not matter, on an instance either.
 #[test]
 fn bad_triangles_are_left_out() {
     let good = room();

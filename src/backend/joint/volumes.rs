@@ -1,4 +1,4 @@
-//! Balls and boxes around what is left to the hierarchy, and which of sixteen rays come near one.
+//! Bounding balls and boxes of what the hierarchy traces, and which of sixteen rays come near one.
 
 use std::f32::consts::TAU;
 
@@ -7,9 +7,6 @@ use crate::backend::batch::{LANES, RayBlock};
 use crate::backend::bounds::Bounds;
 use crate::backend::obvhs::tree::{Below, Tree};
 use crate::math::float::UNIT_ROUNDOFF;
-
-/// Volumes at most: each costs a ray about as much as a face.
-const MOST: usize = 32;
 
 /// Roundings, over the coordinates of ray and volumes, by which volumes are larger than what is in them.
 const SLACK: f32 = 16.0 * UNIT_ROUNDOFF;
@@ -33,10 +30,10 @@ pub(super) struct Volumes {
 }
 
 impl Volumes {
-    /// Around all bodies, [`MOST`] at most. `stretch`, at least 1, is how much an error of a ray's origin may grow.
-    pub fn new(bodies: &[Body], stretch: f32) -> Self {
+    /// Around all bodies, `most` volumes at most. `stretch` ≥ 1 is how much an error of a ray's origin may grow.
+    pub fn new(bodies: &[Body], most: usize, stretch: f32) -> Self {
         let mut volumes = Volumes { stretch, ..Volumes::default() };
-        for body in clusters(bodies) {
+        for body in clusters(bodies, most) {
             let Bounds { lo, hi } = body.bounds;
             let (ball, cuboid) = (TAU * body.radius * body.radius, body.bounds.half_area());
             volumes.reach = volumes.reach.max(lo.abs().max(hi.abs()).element_sum());
@@ -111,14 +108,14 @@ fn smaller(a: f32, b: f32) -> f32 {
 }
 
 /// Bodies as they are, or neighbours together where they are too many.
-fn clusters(bodies: &[Body]) -> Vec<Body> {
-    if bodies.len() <= MOST {
+fn clusters(bodies: &[Body], most: usize) -> Vec<Body> {
+    if bodies.len() <= most {
         return bodies.to_vec();
     }
     let boxes: Vec<Bounds> = bodies.iter().map(|body| body.bounds).collect();
     let tree = Tree::build(&boxes, (0..bodies.len() as u32).collect(), 1);
     let mut open = vec![0usize];
-    while open.len() < MOST {
+    while open.len() < most {
         let area = |&at: &usize| match tree.nodes[open[at]].below {
             Below::Nodes(..) => tree.nodes[open[at]].bounds.half_area(),
             Below::Leaf { .. } => -1.0,

@@ -1,22 +1,21 @@
 //! Every mesh's nodes and triangles in one array each, and the hierarchy over the instances.
 
-use std::ops::Range;
-
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::fold::fold;
+use super::collapse;
 use super::leaf::Block;
 use super::mesh::MeshTree;
 use super::node::Node;
 use super::reference::Reference;
-use super::tree::Tree;
 use crate::backend::bounds::{self, Bounds};
-use crate::math::isa;
-use crate::scene::geometry::{Geometry, Placement, TriangleMesh};
-use crate::scene::placement::Moving;
+use crate::math::simd::prefetch::fetch;
+use crate::scene::geometry::{Geometry, Moving, Placement, TriangleMesh};
 
-/// What the walk reads.
+/// "Instance + 1" of what lies in the world.
+pub(super) const INSTANCE_OF_WORLD: u32 = 0;
+
+/// What the traversal reads.
 #[derive(Debug)]
 pub(super) struct Hierarchy {
     pub nodes: Vec<Node>,
@@ -35,14 +34,14 @@ pub(super) struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Builds one hierarchy per mesh, on the threads of the current pool, and one over the instances. `world` stands for the
-    /// geometry's own world mesh.
-    pub fn build(geometry: &Geometry, world: &TriangleMesh) -> Self {
+    /// Builds one hierarchy per mesh, on the threads of the current pool, and one over the instances. `world` replaces
+    /// the geometry's world mesh. `copies` says whether exact copies of triangles are kept.
+    pub fn build(geometry: &Geometry, world: &TriangleMesh, copies: bool) -> Self {
         let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
         // Only the world mesh lies in the scene's space; the others know no extent but their own.
         let diagonal = |mesh: usize| if mesh == 0 { scene.diagonal() } else { 0.0 };
         let meshes: Vec<MeshTree> = (geometry.meshes.par_iter().enumerate())
-            .map(|(i, mesh)| MeshTree::build(if i == 0 { world } else { mesh }, diagonal(i)))
+            .map(|(i, mesh)| MeshTree::build(if i == 0 { world } else { mesh }, diagonal(i), copies))
             .collect();
         let bounds: Vec<Bounds> = meshes.iter().map(|mesh| mesh.bounds).collect();
         let (nodes, top) = over_instances(geometry, &bounds, bounds::reach_of(scene));
@@ -85,7 +84,7 @@ impl Hierarchy {
     /// Mesh of an instance, by its number + 1; 0 is the world.
     #[inline(always)]
     pub fn mesh_of(&self, instance: u32) -> u32 {
-        if instance == 0 { 0 } else { self.instances[instance as usize - 1].mesh }
+        if instance == INSTANCE_OF_WORLD { 0 } else { self.instances[instance as usize - 1].mesh }
     }
 
     /// Where the things lie that references of each stage name.
@@ -106,12 +105,12 @@ impl Hierarchy {
 pub(super) struct Places([(*const u8, usize); 4]);
 
 impl Places {
-    /// Asks for the memory of what is visited next: three cache lines, which hold a block; a node needs two, but a branch would cost
-    /// more than the third.
+    /// Asks for the memory of what is visited next: three cache lines, which hold a block; a node needs two, but a
+    /// branch would cost more than the third.
     #[inline(always)]
     pub fn fetch(&self, what: Reference) {
         let (first, size) = self.0[what.stage_bits() & 3];
-        isa::fetch::<3>(first.wrapping_add(what.index() * size));
+        fetch::<3>(first.wrapping_add(what.index() * size));
     }
 }
 
@@ -124,9 +123,7 @@ fn over_instances(geometry: &Geometry, meshes: &[Bounds], reach: DVec3) -> (Vec<
         placed.push(i);
         boxes.push(bounds::of_instance(geometry, i, mesh, reach));
     }
-    let items = || -> Vec<u32> { Range { start: 0, end: boxes.len() as u32 }.collect() };
-    let folded = |tree: &Tree| fold(tree, 1, |item| Reference::instance(placed[item[0] as usize]));
-    folded(&Tree::build(&boxes, items(), 1))
-        .or_else(|| folded(&Tree::by_median(&boxes, items(), 1)))
-        .expect("median splits of 2^31 boxes are 31 levels deep, fewer than the stack allows")
+    let reference = |(): &mut (), item: &[u32]| Reference::instance(placed[item[0] as usize]);
+    let (nodes, (), root) = collapse::build(&boxes, 1, || (), reference);
+    (nodes, root)
 }

@@ -1,5 +1,5 @@
-//! A leaf: up to four triangles, tested at once. The operations are those of `triangle::RayShear` in their order, so the numbers are
-//! the same bits; here four lanes are a register and none is left to the compiler to find.
+//! A leaf: up to four triangles, tested at once. The operations are those of `triangle::RayShear` in their order, so
+//! the numbers are the same bits; here four lanes are a register, whatever the compiler finds.
 
 use glam::{DVec3, Vec4};
 
@@ -47,7 +47,8 @@ impl Block {
         self.prim[lane % LEAF_SIZE]
     }
 
-    /// Which triangles the line of the ray passes through (bit i: lane i), whatever the distance; their corners go to `sheared`.
+    /// Which triangles the line of the ray passes through (bit i: lane i), whatever the distance; their corners go to
+    /// `sheared`.
     #[inline(always)]
     pub fn pierced(&self, ray: &Record, sheared: &mut Sheared) -> u32 {
         let [kx, ky, kz] = ray.axes();

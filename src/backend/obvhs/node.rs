@@ -1,24 +1,25 @@
 //! A node of the hierarchy: eight boxes on a grid of 256 steps an axis, two cache lines.
 //!
-//! A ray meets the plane at step q of an axis at t = q·a + b, with a = step·inverse and b = (corner − org)·inverse. Rounding moves
-//! a plane by at most 4u of the node's side (u = 2⁻²⁴, the rounding of a and of the sum) and t by 5u of itself; boxes are widened
-//! by [`PAD`] of the side before they are put on the grid, and exits are lengthened by [`SLACK`]. So a box may be entered too often,
-//! never too rarely (after Ize 2013, JCGT 2:2; the grid after Ylitie, Karras, Laine 2017, HPG).
+//! A ray meets the plane at step q of an axis at t = q·a + b, with a = step·inverse and b = (corner −
+//! org)·inverse. Rounding moves a plane by at most 4u of the node's side (u = 2⁻²⁴, the rounding of a and of the
+//! sum) and t by 5u of itself; boxes are widened by [`PAD`] of the side before they are put on the grid, and exits are
+//! lengthened by [`SLACK`]. So a box may be entered too often, never too rarely (after Ize 2013, JCGT 2:2; the grid
+//! after Ylitie, Karras, Laine 2017, HPG).
 //!
-//! The child in slot s lies towards the corner s of the node (bit a set: the upper side of axis a), as far as there is choice: slots
-//! taken in the order s ⊕ octant come about nearest first for every ray of the octant, with no sorting.
+//! The child in slot s lies towards the corner s of the node (bit a set: the upper side of axis a), as far as there is
+//! choice: slots taken in the order s ⊕ octant come about nearest first for every ray of the octant, with no sorting.
 
 use glam::Vec3;
 
-use super::eight::{F8, U8};
-use super::isa::Isa;
 use super::ray::Record;
 use super::reference::Reference;
 use super::stack::Stack;
 use crate::backend::bounds::Bounds;
+use crate::math::simd::isa::Isa;
+use crate::math::simd::x8::{F32x8, U32x8};
 
-/// Exit distances are lengthened by 16 unit roundoffs (2⁻²⁴): the slab test rounds four times on each side and the triangle
-/// test shifts a plane by up to five more.
+/// Exit distances are lengthened by 16 unit roundoffs (2⁻²⁴): the slab test rounds four times on each side and the
+/// triangle test shifts a plane by up to five more.
 pub(super) const SLACK: f32 = 1.0 + 1.0 / (1 << 20) as f32;
 
 /// By how much of the node's side a box is widened, on each side of it.
@@ -89,26 +90,26 @@ impl Node {
     /// Puts the children that the ray may enter before `reach` on its stack, the nearest on top.
     #[inline(always)]
     pub fn enter<I: Isa>(&self, ray: &Record, reach: f32, stack: &mut Stack) {
-        let (mut near, mut far) = ([F8::splat(0.0); 3], [F8::splat(0.0); 3]);
+        let (mut near, mut far) = ([F32x8::splat(0.0); 3], [F32x8::splat(0.0); 3]);
         for axis in 0..3 {
-            let a = F8::splat(self.step[axis] * ray.inverse[axis]);
-            let b = F8::splat((self.corner[axis] - ray.org[axis]) * ray.inverse[axis]);
+            let a = F32x8::splat(self.step[axis] * ray.inverse[axis]);
+            let b = F32x8::splat((self.corner[axis] - ray.org[axis]) * ray.inverse[axis]);
             let negative = ray.octant as usize >> axis & 1;
-            near[axis] = F8::of_bytes(self.planes[axis][negative]).mul_add(a, b);
-            far[axis] = F8::of_bytes(self.planes[axis][negative ^ 1]).mul_add(a, b);
+            near[axis] = F32x8::of_bytes(self.planes[axis][negative]).mul_add(a, b);
+            far[axis] = F32x8::of_bytes(self.planes[axis][negative ^ 1]).mul_add(a, b);
         }
-        let enter = near[0].max(near[1]).max(near[2].max(F8::splat(ray.tnear)));
-        let order = U8::of(FARTHEST_FIRST[ray.octant as usize & 7]);
+        let enter = near[0].max(near[1]).max(near[2].max(F32x8::splat(ray.tnear)));
+        let order = U32x8::of(FARTHEST_FIRST[ray.octant as usize & 7]);
         let enter = enter.permuted(order);
         let leave = far[0].min(far[1]).min(far[2]).permuted(order);
-        let keep = enter.le(leave.times(F8::splat(SLACK)).min(F8::splat(reach)));
-        let children = U8::of(bytemuck::cast(self.children)).permuted(order);
-        stack.push(I::squeezed(enter.to_bits(), keep), I::squeezed(children, keep), keep.count_ones());
+        let keep = enter.le(leave.times(F32x8::splat(SLACK)).min(F32x8::splat(reach)));
+        let children = U32x8::of(bytemuck::cast(self.children)).permuted(order);
+        stack.push(I::squeeze8(enter.to_bits(), keep), I::squeeze8(children, keep), keep.count_ones());
     }
 }
 
-/// A slot for each child: greedily the pair of child and free corner that gains most, by the distance of the child's centre
-/// from the middle towards the corner.
+/// A slot for each child: greedily the pair of child and free corner that gains most, by the distance of the child's
+/// centre from the middle towards the corner.
 fn slots_of(children: &[(Bounds, Reference)], middle: Vec3) -> Vec<usize> {
     let corner = |slot: usize| {
         let side = |axis: usize| if slot >> axis & 1 == 1 { 1.0 } else { -1.0 };

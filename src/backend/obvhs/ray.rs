@@ -1,13 +1,14 @@
-//! What the walk reads of a ray, a cache line each: the slab test's numbers and the triangle test's, made for sixteen rays at a time.
+//! What the traversal reads of a ray, a cache line each: the slab test's numbers and the triangle test's, made for
+//! sixteen rays at a time.
 
 use glam::Vec3;
 
 use crate::backend::batch::{LANES, RayBlock};
 use crate::backend::triangle::Ray;
 
-/// A direction component below this fraction of the largest one counts as the fraction: its inverse stays finite in every
-/// product, and over any distance the ray is beside itself by 2⁻⁶⁰ of it, less than boxes are grown up to 4·10¹¹ diagonals of the
-/// scene. Limit: from farther away rays along an axis may be lost.
+/// A direction component below this fraction of the largest one counts as the fraction: its inverse stays finite in
+/// every product, and over any distance the ray is beside itself by 2⁻⁶⁰ of it, less than boxes are grown up to
+/// 4·10¹¹ diagonals of the scene. Limit: from farther away rays along an axis may be lost.
 const STEEPEST: f32 = 1.0 / (1u64 << 60) as f32;
 
 /// One ray, prepared. The fields of the triangle test are those of `triangle::RayShear`, with the same bits.

@@ -1,4 +1,4 @@
-//! What a stack entry or a child of a node stands for, in 32 bits; the upper two say which stage of the walk it is for.
+//! A stack entry or a child of a node, in 32 bits; the upper two say which stage of the traversal it is for.
 
 /// A node, a block of triangles, or something rarer.
 #[repr(transparent)]
@@ -11,7 +11,7 @@ const LEAF: u32 = 1 << 31;
 /// Set besides [`LEAF`] for what is neither node nor triangles.
 const RARE: u32 = 1 << 30;
 
-/// The stages of the walk.
+/// The stages of the traversal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
     /// A node's boxes.
@@ -22,7 +22,7 @@ pub(super) enum Stage {
     Rare,
 }
 
-/// What a reference of [`Stage::Rare`] stands for.
+/// What a reference of [`Stage::Rare`] denotes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rare {
     /// The bottom of the stack.
@@ -108,7 +108,7 @@ impl Reference {
         ((self.0 >> 31) & (self.0 >> 30)) as usize
     }
 
-    /// What a reference of [`Stage::Rare`] stands for.
+    /// What a reference of [`Stage::Rare`] denotes.
     pub fn rare(self) -> Rare {
         match self {
             Self::DONE => Rare::Done,

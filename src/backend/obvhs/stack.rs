@@ -1,9 +1,11 @@
-//! What a ray has still to visit: where it enters, and what. Entries beyond a hit found meanwhile are dropped when they come up.
+//! What a ray has still to visit: where it enters, and what. Entries beyond a hit found meanwhile are dropped when they
+//! come up.
 
-use super::eight::F8;
 use super::reference::Reference;
+use crate::math::simd::x8::F32x8;
 
-/// Entries. A node leaves at most seven behind and adds eight; two levels, three more instances of a leaf and the way back.
+/// Entries. A node leaves at most seven behind and adds eight; two levels, three more instances of a leaf and the way
+/// back.
 const ENTRIES: usize = 512;
 
 /// Levels of one hierarchy that the stack allows.
@@ -75,7 +77,7 @@ impl Stack {
                 // The bottom is always taken, so this is never reached.
                 return Reference::DONE;
             };
-            let open = F8::of(window.try_into().unwrap_or([0.0; WINDOW])).le(F8::splat(reach));
+            let open = F32x8::of(window.try_into().unwrap_or([0.0; WINDOW])).le(F32x8::splat(reach));
             if open != 0 {
                 let top = (end - 1 - open.leading_zeros() as usize) % ENTRIES;
                 self.len = top;

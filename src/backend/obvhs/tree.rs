@@ -1,9 +1,10 @@
 //! Binary hierarchy over boxes: clusters and reinsertion by the `obvhs` crate, with a depth bound that the crate lacks.
 //!
-//! Boxes that share their centre (concentric shapes, copies) make a bottom-up builder pair nothing but neighbours with a
-//! chain, n − 7 levels deep and quadratic in time (HARDCASES G15). So boxes of equal centres enter as one and are opened
-//! by median splits below; and a tree that still comes out deeper than [`MAX_DEPTH`] is rebuilt by median splits alone.
-//! Deterministic: one thread, ties by index. Limit: nested boxes of *different* centres that chain cost build time.
+//! Boxes that share their centre (concentric shapes, copies) make a bottom-up builder pair nothing but neighbours with
+//! a chain, n − 7 levels deep and quadratic in time (HARDCASES G15). So boxes of equal centres enter as one and are
+//! opened by median splits below; and a tree that still comes out deeper than [`MAX_DEPTH`] is rebuilt by median splits
+//! alone. Deterministic: one thread, ties by index. Limit: nested boxes of *different* centres that chain cost build
+//! time.
 
 use glam::Vec3;
 use obvhs::BvhBuildParams;

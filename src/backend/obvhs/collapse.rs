@@ -1,8 +1,9 @@
-//! Folds the binary tree into nodes of eight, of all ways the one with the least expected cost.
+//! Collapses the binary tree into nodes of eight children, of all ways the one with the least expected cost.
 //!
-//! By the surface area heuristic a node costs its surface and so does a block of up to four triangles, which one test serves. For each
-//! subtree and each i ≤ 8 the least cost of i roots that cover it follows from those of its halves (Ylitie, Karras, Laine 2017,
-//! HPG, §4.1). Against opening the child of the largest surface until there are eight, nodes have 6.0 children in the place of 4.2.
+//! By the surface area heuristic a node costs its surface and so does a block of up to four triangles, which one test
+//! serves. For each subtree and each i ≤ 8 the least cost of i roots that cover it follows from those of its halves
+//! (Ylitie, Karras, Laine 2017, HPG, §4.1). Against opening the child of the largest surface until there are eight,
+//! nodes have 6.0 children instead of 4.2.
 
 use super::node::Node;
 use super::reference::Reference;
@@ -27,9 +28,10 @@ struct Cover {
     count: u32,
 }
 
-/// The nodes over `tree`, parents before children, and the root. `leaf` stores some of `tree.order`, at most `leaf_size` (as many
-/// as the tree's), and returns its reference. `None` when the result is deeper than the stack allows.
-pub(super) fn fold(
+/// The nodes over `tree`, parents before children, and the root. `leaf` stores some of `tree.order`, at most
+/// `leaf_size` (as many as the tree's), and returns its reference. `None` when the result is deeper than the stack
+/// allows.
+fn collapse(
     tree: &Tree,
     leaf_size: usize,
     mut leaf: impl FnMut(&[u32]) -> Reference,
@@ -73,6 +75,25 @@ pub(super) fn fold(
     Some((nodes, Reference::node(0)))
 }
 
+/// The nodes over `boxes`, of which `leaf` stores some at a time, `leaf_size` at most; what it makes of them, and the
+/// root. `leaves` makes an empty store: a hierarchy that comes out too deep is built again by median splits.
+pub(super) fn build<S>(
+    boxes: &[Bounds],
+    leaf_size: usize,
+    leaves: impl Fn() -> S,
+    leaf: impl Fn(&mut S, &[u32]) -> Reference,
+) -> (Vec<Node>, S, Reference) {
+    let collapsed = |tree: Tree| {
+        let mut store = leaves();
+        let (nodes, root) = collapse(&tree, leaf_size, |members| leaf(&mut store, members))?;
+        Some((nodes, store, root))
+    };
+    let items = || (0..boxes.len() as u32).collect();
+    collapsed(Tree::build(boxes, items(), leaf_size))
+        .or_else(|| collapsed(Tree::by_median(boxes, items(), leaf_size)))
+        .expect("median splits of 2^31 boxes are 31 levels deep, fewer than the stack allows")
+}
+
 /// The covers of all subtrees; children follow their parents, so backwards.
 fn covers(tree: &Tree, leaf_size: usize) -> Vec<Cover> {
     let none = Cover { cost: [f32::INFINITY; WIDTH + 1], left: [0; WIDTH + 1], leaf: true, first: 0, count: 0 };
@@ -108,7 +129,7 @@ fn covers(tree: &Tree, leaf_size: usize) -> Vec<Cover> {
     covers
 }
 
-/// The children of the node that stands for the subtree `source`, left to right.
+/// The children of the node that represents the subtree `source`, left to right.
 fn roots(tree: &Tree, covers: &[Cover], source: usize) -> Vec<usize> {
     let mut children = Vec::with_capacity(WIDTH);
     let mut open = vec![(source, WIDTH, true)];
@@ -151,7 +172,7 @@ mod tests {
                 .collect();
             let tree = Tree::build(&boxes, (0..n as u32).collect(), LEAF_SIZE);
             let mut leaves: Vec<Vec<u32>> = Vec::new();
-            let (nodes, root) = fold(&tree, LEAF_SIZE, |items| {
+            let (nodes, root) = collapse(&tree, LEAF_SIZE, |items| {
                 leaves.push(items.to_vec());
                 Reference::triangles(leaves.len() - 1)
             })

@@ -1,49 +1,14 @@
-//! The rays of a batch that come near a volume, packed into blocks of their own.
+//! Culling: the faces first, then the rays that still come near a volume, packed into blocks without gaps.
 
 use bytemuck::{cast_mut, cast_ref};
 
 use super::volumes::Volumes;
-use crate::backend::batch::{LANES, RayBlock, RayHitBlock, valid_lanes};
-use crate::math::isa::Widened;
-use crate::math::isa::moves::Moves;
+use crate::backend::batch::{Batch, Block, LANES, RayBlock};
+use crate::backend::flat::{Faces, Meets};
+use crate::backend::past::Without;
+use crate::math::simd::isa::{Isa, Kernel};
 
-/// A block with rays in it.
-pub(super) trait HasRays: Copy {
-    /// Nothing but misses.
-    const EMPTY: Self;
-    fn rays(&self) -> &RayBlock;
-    fn rays_mut(&mut self) -> &mut RayBlock;
-}
-
-impl HasRays for RayBlock {
-    const EMPTY: Self = RayBlock::EMPTY;
-
-    #[inline(always)]
-    fn rays(&self) -> &RayBlock {
-        self
-    }
-
-    #[inline(always)]
-    fn rays_mut(&mut self) -> &mut RayBlock {
-        self
-    }
-}
-
-impl HasRays for RayHitBlock {
-    const EMPTY: Self = RayHitBlock::EMPTY;
-
-    #[inline(always)]
-    fn rays(&self) -> &RayBlock {
-        &self.ray
-    }
-
-    #[inline(always)]
-    fn rays_mut(&mut self) -> &mut RayBlock {
-        &mut self.ray
-    }
-}
-
-/// The rays that went through. A thread keeps it from batch to batch.
+/// The rays that were not culled. A thread keeps it from batch to batch.
 pub(super) struct Packed<B> {
     /// Blocks without gaps; more than are used.
     pub blocks: Vec<B>,
@@ -51,11 +16,13 @@ pub(super) struct Packed<B> {
     from: Vec<[u32; LANES]>,
     /// Number of rays.
     pub len: usize,
+    /// Room for what they have passed.
+    pub passed: Vec<u32>,
 }
 
-impl<B: HasRays> Packed<B> {
+impl<B: Block> Packed<B> {
     pub const fn new() -> Self {
-        Packed { blocks: Vec::new(), from: Vec::new(), len: 0 }
+        Packed { blocks: Vec::new(), from: Vec::new(), len: 0, passed: Vec::new() }
     }
 
     /// Place in the batch of each packed ray, ascending.
@@ -73,12 +40,12 @@ impl<B: HasRays> Packed<B> {
 
     /// Appends the rays of `keep`, the first of which would have place `first`.
     #[inline(always)]
-    fn append<M: Moves>(&mut self, ray: &RayBlock, keep: u16, first: u32) {
+    fn append<I: Isa>(&mut self, ray: &RayBlock, keep: u16, first: u32) {
         let (block, at) = (self.len / LANES, self.len % LANES);
         let [here, after] = &mut self.blocks[block..block + 2] else { unreachable!("two blocks") };
         let (here, after) = (here.rays_mut(), after.rays_mut());
         let squeeze = |from: &[f32; LANES], here: &mut [f32; LANES], after: &mut [f32; LANES]| {
-            M::squeeze(cast_ref(from), keep, at, cast_mut(here), cast_mut(after));
+            I::squeeze(cast_ref(from), keep, at, cast_mut(here), cast_mut(after));
         };
         squeeze(&ray.org_x, &mut here.org_x, &mut after.org_x);
         squeeze(&ray.org_y, &mut here.org_y, &mut after.org_y);
@@ -90,31 +57,34 @@ impl<B: HasRays> Packed<B> {
         squeeze(&ray.time, &mut here.time, &mut after.time);
         squeeze(&ray.tfar, &mut here.tfar, &mut after.tfar);
         let [here, after] = &mut self.from[block..block + 2] else { unreachable!("two blocks") };
-        M::squeeze(&std::array::from_fn(|i| first + i as u32), keep, at, here, after);
+        I::squeeze(&std::array::from_fn(|i| first + i as u32), keep, at, here, after);
         self.len += keep.count_ones() as usize;
     }
 }
 
-/// Packs the first `len` rays of `blocks` that come near a volume.
-pub(super) struct Sieve<'a, B> {
+/// Traces the rays of a batch against the faces, and packs those that still come near a volume; the number of invalid
+/// rays. Where a face blocks a ray, its segment ends at −∞, before every volume.
+pub(super) struct Cull<'a, B, W> {
+    pub faces: &'a Faces,
     pub volumes: &'a Volumes,
-    pub blocks: &'a [B],
-    pub len: usize,
+    pub batch: Batch<'a, B>,
     pub packed: &'a mut Packed<B>,
+    pub without: W,
 }
 
-impl<B: HasRays> Widened for Sieve<'_, B> {
-    type Output = ();
+impl<B: Meets, W: Without> Kernel for Cull<'_, B, W> {
+    type Output = u64;
 
     #[inline(always)]
-    fn run<M: Moves>(self) {
-        let Sieve { volumes, blocks, len, packed } = self;
+    fn run<I: Isa>(self) -> u64 {
+        let Cull { faces, volumes, mut batch, packed, without } = self;
         packed.len = 0;
-        packed.reserve(blocks.len());
-        for (index, block) in blocks.iter().enumerate() {
-            let ray = block.rays();
-            let valid = valid_lanes(ray, (len - index * LANES).min(LANES));
-            packed.append::<M>(ray, volumes.near(ray, valid), (index * LANES) as u32);
+        packed.reserve(batch.blocks.len());
+        while let Some((index, block, valid)) = batch.next_block() {
+            block.meet::<I>(faces, valid, (index * LANES, without));
+            let near = volumes.near(block.rays(), valid);
+            packed.append::<I>(block.rays(), near, (index * LANES) as u32);
         }
+        batch.invalid()
     }
 }

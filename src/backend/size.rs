@@ -1,0 +1,30 @@
+//! What a hierarchy takes, before it is built.
+//!
+//! Bytes a triangle, measured as growth of resident memory on grids, soups and scans of 0.1 to 1 million triangles
+//! (Embree 3.13.5, AVX-512; obvhs 0.4): Embree keeps 57 to 70 and its copies of vertices and indices, obvhs 55 to 66,
+//! and building takes 27 to 32 and 223 to 229 more.
+
+use super::BackendKind;
+use crate::scene::geometry::Geometry;
+
+/// Bytes of a hierarchy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// That stay, with the copies of vertices and indices.
+    pub bytes: u64,
+    /// Beside them while it is built.
+    pub building: u64,
+}
+
+/// What the backend `kind` takes over `geometry`.
+pub fn of(kind: BackendKind, geometry: &Geometry) -> Size {
+    let triangles = geometry.meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
+    let vertices = geometry.meshes.iter().map(|mesh| mesh.vertices.len() as u64).sum::<u64>();
+    let instances = geometry.instances.len() as u64;
+    let (bytes, building) = match kind {
+        BackendKind::Embree => ((12 + 64) * triangles + 12 * vertices + 1000 * instances, 30 * triangles + (4 << 20)),
+        BackendKind::Obvhs | BackendKind::FlatObvhs => (64 * triangles + 256 * instances, 226 * triangles),
+        BackendKind::Flat | BackendKind::Brute => (64 * triangles, 0),
+    };
+    Size { bytes, building }
+}
