@@ -1,10 +1,10 @@
 //! FLIP, the difference that a viewer sees when flipping between two images, in [0, 1] per pixel.
 //!
 //! LDR-FLIP: opponent colours are filtered by the eye's contrast sensitivity and compared in L*a*b* (HyAB distance with
-//! the Hunt effect); edges and points of the achromatic channel are compared on their own; the feature difference raises
-//! the colour difference. HDR-FLIP: the largest LDR-FLIP of each pixel over exposures from where the reference's maximum
-//! reaches 85 % of the display (ACES curve of Narkowicz) to where its median does. Images leave and enter as linear
-//! Rec.709, row-major; borders are extended by their edge pixels.
+//! the Hunt effect); edges and points of the achromatic channel are compared on their own; the feature difference
+//! raises the colour difference. HDR-FLIP: the largest LDR-FLIP of each pixel over exposures from where the reference's
+//! maximum reaches 85 % of the display (ACES curve of Narkowicz) to where its median does. Images leave and enter as
+//! linear Rec.709, row-major; borders are extended by their edge pixels.
 //!
 //! Sources: Andersson et al. 2020 (PACM CGIT 3:2, LDR); Andersson et al. 2021 (EGSR, HDR), whose symbols the constants
 //! carry. Checked against the authors' `flip-evaluator` 1.7. Viewing distance is theirs: 0.7 m from a display of 3840
@@ -16,7 +16,8 @@ use rayon::prelude::*;
 /// Pixels per degree of visual angle: distance × pixels per metre × π/180.
 const PIXELS_PER_DEGREE: f32 = 0.7 * (3840.0 / 0.7) * (std::f32::consts::PI / 180.0);
 
-/// Contrast sensitivity as sums of two Gaussians, (a₁, b₁, a₂, b₂) for the achromatic, red-green and blue-yellow channel.
+/// Contrast sensitivity as sums of two Gaussians, (a₁, b₁, a₂, b₂) for the achromatic, red-green and
+/// blue-yellow channel.
 const CSF: [[f32; 4]; 3] = [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
 
 /// Width of the feature detector, degrees.
@@ -48,8 +49,8 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] =
 /// XYZ of white: row sums of [`XYZ_FROM_RGB`].
 const WHITE: [f32; 3] = [0.95042854, 1.0, 1.0889004];
 
-/// Mean HDR-FLIP of `image` against `reference`, both scene-linear, `width` pixels a row. Negative and non-finite values
-/// count as black.
+/// Mean HDR-FLIP of `image` against `reference`, both scene-linear, `width` pixels a row. Negative and non-finite
+/// values count as black.
 pub fn hdr_flip(image: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> f64 {
     assert_eq!(image.len(), reference.len(), "images of different size reached FLIP");
     if image.is_empty() {
@@ -256,7 +257,8 @@ fn csf_kernels() -> [Vec<f32>; 4] {
     ]
 }
 
-/// One axis of the feature detectors: the Gaussian sums to 1; positive weights of a derivative sum to 1, negative to −1.
+/// One axis of the feature detectors: the Gaussian sums to 1; positive weights of a derivative sum to 1, negative to
+/// −1.
 fn feature_kernels() -> [Vec<f32>; 3] {
     let sigma = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
     let radius = (3.0 * sigma).ceil() as i32;

@@ -1,16 +1,16 @@
-//! What the next digit costs: from the points of a pilot (samples, seconds, estimated relMSE) to the samples and the time
-//! that a smaller error takes.
+//! What the next digit costs: from the points of a pilot (samples, seconds, estimated relMSE) to the samples and the
+//! time that a smaller error takes.
 //!
-//! Model: T(N) = T_fixed + c·N and relMSE(N) = A·N^−s, N in samples per pixel (HARDCASES §6.4). The slope s is 1 for
-//! independent samples; for Sobol' points it depends on the scene and is fitted, held near what was measured
+//! Model: T(N) = T_fixed + c·N and relMSE(N) = A·N^−s, N in samples per pixel (HARDCASES §6.4). The slope s is 1
+//! for independent samples; for Sobol' points it depends on the scene and is fitted, held near what was measured
 //! ([`SlopePrior`]) because a pilot alone says little of it.
 //!
-//! The points come from one run, the later ones contain the samples of the earlier ones. Of M ≤ N samples the estimates
-//! of the two errors, squares of differences of halves, correlate by M/N, and so do their logarithms: in ln N that is a
-//! process without memory (Ornstein-Uhlenbeck), so the generalised least squares need no matrix: each point is whitened
-//! by its predecessor alone.
+//! The points come from one run, the later ones contain the samples of the earlier ones. Of M ≤ N samples the
+//! estimates of the two errors, squares of differences of halves, correlate by M/N, and so do their logarithms: in ln N
+//! that is a process without memory (Ornstein-Uhlenbeck), so the generalised least squares need no matrix: each point
+//! is whitened by its predecessor alone.
 //!
-//! Limits: a constant slope; the machine goes on as fast as during the pilot; bias has no part in the model.
+//! Limits: a constant slope; the machine stays as fast as during the pilot; bias has no part in the model.
 
 /// Two-sided 95 % point of the normal distribution.
 const NORMAL_95: f64 = 1.959964;
@@ -47,7 +47,8 @@ pub struct SlopePrior {
 impl SlopePrior {
     /// Independent samples: exactly 1.
     pub const INDEPENDENT: SlopePrior = SlopePrior { mean: 1.0, sd: 1e-6 };
-    /// Sobol' points: 1.02 to 1.14 between 16 and 128 samples per pixel on the shared scenes, pictures of 24×24 and 64×64.
+    /// Sobol' points: 1.02 to 1.14 between 16 and 128 samples per pixel on the shared scenes, pictures of 24×24 and
+    /// 64×64.
     pub const SOBOL: SlopePrior = SlopePrior { mean: 1.08, sd: 0.05 };
 }
 
@@ -74,6 +75,7 @@ pub struct Prediction {
 
 /// What a target costs. Intervals are of 95 %.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Predicted {
     /// Samples per pixel, not rounded.
     pub spp: f64,
@@ -147,8 +149,8 @@ pub fn fit_with(points: &[Point], fixed_seconds: f64, prior: SlopePrior) -> Opti
 }
 
 impl Prediction {
-    /// What the relative RMSE `e` (√relMSE, > 0) costs: N = N_last·(relMSE_last/e²)^(1/s), with intervals by the delta
-    /// method in ln N.
+    /// What the relative RMSE `e` (√relMSE, > 0) costs: N = N_last·(relMSE_last/e²)^(1/s), with intervals by the
+    /// delta method in ln N.
     pub fn for_error(&self, e: f64) -> Predicted {
         let ahead = (self.relmse / (e * e)).ln() / self.slope;
         let [[level, both], [_, slope]] = self.covariance;
@@ -171,7 +173,8 @@ impl Prediction {
     }
 }
 
-/// Standard error of ln relMSE, from the interval; at least 10⁻³, so that a point without an interval stays a number.
+/// Standard error of ln relMSE, from the interval; at least 10⁻³, so that a point without an interval stays a
+/// number.
 fn log_error(point: &Point) -> f64 {
     let [low, high] = point.relmse_interval;
     let width = if low > 0.0 && high >= low { (high / low).ln() } else { 0.0 };

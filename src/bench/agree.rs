@@ -1,7 +1,7 @@
 //! Agreement: whether two ways to trace the same rays met the same things.
 //!
-//! A ray differs *in hit* when one way finds a hit (or a blocker) and the other finds none. It differs *in distance* when
-//! both hit, at distances further apart than [`DISTANCE_TOLERANCE`] of the larger of the distance and the largest
+//! A ray differs *in hit* when one way finds a hit (or a blocker) and the other finds none. It differs *in distance*
+//! when both hit, at distances further apart than [`DISTANCE_TOLERANCE`] of the larger of the distance and the largest
 //! coordinate of the ray's origin. Another triangle at the same distance (a common edge, a copy) is counted apart.
 
 use serde::Serialize;

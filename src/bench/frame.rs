@@ -1,9 +1,9 @@
 //! The frame figure: how much of a render's time its own rays would take alone.
 //!
-//! tracing efficiency = (time of the frame's rays traced bare, each class in its best query mode) / (time of the render),
-//! both wall times of the same threads in the same process. The bare time is that of the recorded waves, class by class
-//! scaled to the frame's own counts of rays. Render and replay alternate, so that a machine that grows slower or faster
-//! slows both; the figure is the median over the pairs.
+//! tracing efficiency = (time of the frame's rays traced bare, each class in its best query mode) / (time of the
+//! render), both wall times of the same threads in the same process. The bare time is that of the recorded waves, class
+//! by class scaled to the frame's own counts of rays. Render and replay alternate, so that a machine that grows slower
+//! or faster slows both; the figure is the median over the pairs.
 //!
 //! The same ratio in processor time stands beside it: time that other processes took from the threads is not in it, but
 //! neither is the time in which this render leaves a thread idle.

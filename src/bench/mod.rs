@@ -17,11 +17,12 @@ pub mod replay;
 
 use serde::Serialize;
 
-use crate::backend::{self, BackendKind, QueryMode, flat};
+use crate::backend::{BackendKind, QueryMode, select};
 use crate::error::{Error, Result};
 use crate::machine::Processor;
 use crate::render::{RenderOptions, Renderer};
 use crate::scene::Scene;
+use crate::setters::setters;
 use agree::{Agreement, DISTANCE_TOLERANCE};
 use frame::Frame;
 use rates::{BackendRates, Setup};
@@ -32,6 +33,7 @@ const RECORDING_BYTES: usize = 256 << 20;
 
 /// What is measured.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct BenchOptions {
     /// The frame, the backend that renders it, threads and instruction set. Only the samples may stop it.
     pub render: RenderOptions,
@@ -39,8 +41,18 @@ pub struct BenchOptions {
     pub pairs: usize,
 }
 
+impl BenchOptions {
+    /// Five pairs with the frame of these options.
+    pub fn new(render: RenderOptions) -> Self {
+        BenchOptions { render, pairs: 5 }
+    }
+
+    setters! { pairs: = usize, }
+}
+
 /// Everything that was measured; what `bench --json` prints.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Report {
     /// Where.
     pub machine: Machine,
@@ -62,6 +74,7 @@ pub struct Report {
 
 /// Where it was measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Machine {
     /// The processor.
     pub cpu: String,
@@ -73,6 +86,7 @@ pub struct Machine {
 
 /// Backends against each other.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct AgreementReport {
     /// Sums over `against`.
     #[serde(flatten)]
@@ -88,6 +102,7 @@ pub struct AgreementReport {
 
 /// One backend against the reference.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Against {
     /// Which.
     pub name: &'static str,
@@ -98,6 +113,7 @@ pub struct Against {
 
 /// What was rendered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct SceneRecord {
     /// The file.
     pub file: String,
@@ -107,6 +123,7 @@ pub struct SceneRecord {
 
 /// The rays of the frame traced bare by another backend than the render's.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Elsewhere {
     /// Which.
     pub name: &'static str,
@@ -118,6 +135,7 @@ pub struct Elsewhere {
 
 /// A backend that was not measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Skipped {
     /// Which.
     pub name: &'static str,
@@ -125,11 +143,11 @@ pub struct Skipped {
     pub why: String,
 }
 
-/// Measures `scene`. `step` is told what comes next, for a display of progress.
+/// Measures `scene`. `step` gets the name of the next step, to show progress.
 ///
 /// # Errors
-/// Those of [`Renderer::new`]; [`Error::Option`] for a scene too large for its backend; [`Error::Backend`] when two query modes of one backend do not
-/// agree.
+/// Those of [`Renderer::new`]; [`Error::Option`] for a scene too large for its backend; [`Error::Backend`] when two
+/// query modes of one backend do not agree.
 pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) -> Result<Report> {
     step("recording the rays of a frame");
     let renderer = Renderer::new(scene, options.render.clone())?;
@@ -147,7 +165,7 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
     let setup = Setup { geometry: renderer.geometry(), recording: &recording, pools: &pools, options: &asked };
     // The renderer's backend comes first: it is the reference of the others.
     let mut kinds = vec![plan.backend];
-    let small = Some(BackendKind::Flat).filter(|_| flat::suits(renderer.geometry()));
+    let small = Some(BackendKind::Flat).filter(|_| select::few_faces(renderer.geometry()).is_some());
     kinds.extend(BackendKind::available().iter().copied().chain(small).filter(|kind| *kind != plan.backend));
     let (mut backends, mut skipped) = (Vec::new(), Vec::new());
     for kind in kinds {
@@ -233,6 +251,6 @@ fn frame_figure(
     if best == planned {
         return frame::measure(renderer, renderer.backend(), recording, pool, pairs);
     }
-    let other = backend::build(plan.backend, renderer.geometry(), &best)?;
+    let other = select::build(plan.backend, renderer.geometry(), &best)?;
     frame::measure(renderer, other.as_ref(), recording, pool, pairs)
 }

@@ -1,14 +1,15 @@
 //! A backend that remembers: it asks another backend once for each batch of rays and answers the same batch from memory
-//! afterwards. A render through it costs what a render costs without tracing (and what copying the hits costs), which is
-//! what benches of shading and counts of instructions want.
+//! afterwards. A render through it costs what a render costs without tracing (and what copying the hits costs), which
+//! is what benches of shading and counts of instructions want.
 //!
-//! Batches are known by their length and the bits of their first and last ray. The memory grows with every new batch: for
-//! small frames, rendered again with the same options.
+//! Batches are known by their length and the bits of their first and last ray. The memory grows with every new batch:
+//! for small frames, rendered again with the same options.
 
 use std::collections::HashMap;
 use std::sync::RwLock;
 
 use crate::backend::batch::{LANES, RayBlock, RayHitBlock};
+use crate::backend::past::Past;
 use crate::backend::{Backend, BackendInfo, Coherence};
 
 /// A batch's length and two of its rays.
@@ -59,6 +60,11 @@ impl Backend for Playback<'_> {
         let invalid = self.inner.closest_hit(blocks, len, hint);
         self.closest.write().expect("no thread panicked").insert(key, blocks.to_vec());
         invalid
+    }
+
+    /// Rays that go on are not remembered: what they have passed is not in their rays.
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64 {
+        self.inner.closest_hit_past(blocks, len, past)
     }
 
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, hint: Coherence) -> u64 {

@@ -1,7 +1,7 @@
 //! Rates of every backend and query mode by class of rays, each validated before it is timed.
 //!
-//! A mode whose hits differ from the backend's first mode in more than [`MOST_DIFFERENT`] of the rays is an error, not a
-//! number. A mode that runs as another one (the pure-Rust backends trace ray by ray whatever is asked) is timed once.
+//! A mode whose hits differ from the backend's first mode in more than [`MOST_DIFFERENT`] of the rays is an error, not
+//! a number. A mode that runs as another one (the pure-Rust backends always trace ray by ray) is timed once.
 
 use std::time::{Duration, Instant};
 
@@ -15,8 +15,8 @@ use crate::backend::{self, Backend, BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
 use crate::scene::geometry::Geometry;
 
-/// Fraction of rays that may differ between two modes of one backend. Rays at edges and grazing angles round differently
-/// (3·10⁻⁵ of them on the scenes that come along); a broken mode differs in whole percents.
+/// Fraction of rays that may differ between two modes of one backend. Rays at edges and grazing angles round
+/// differently (3·10⁻⁵ of them on the scenes that come along); a broken mode differs in whole percents.
 pub const MOST_DIFFERENT: f64 = 1e-3;
 
 /// Rays of each class that are timed, if the scene has them.
@@ -133,7 +133,7 @@ pub fn measure(kind: BackendKind, setup: &Setup) -> Result<BackendRates> {
             build_threads: threads,
             ..BackendOptions::with_mode(mode)
         };
-        let effective = backend::build(kind, &Geometry::default(), &options(1))?.info().rays_incoherent;
+        let effective = backend::select::build(kind, &Geometry::default(), &options(1))?.info().rays_incoherent;
         if done.contains(&effective) {
             continue;
         }
@@ -141,7 +141,7 @@ pub fn measure(kind: BackendKind, setup: &Setup) -> Result<BackendRates> {
 
         let all = setup.pools.last().map_or(1, |pool| pool.current_num_threads());
         let start = Instant::now();
-        let backend = backend::build(kind, setup.geometry, &options(all))?;
+        let backend = backend::select::build(kind, setup.geometry, &options(all))?;
         builds.push(start.elapsed().as_secs_f64());
         let outcomes = replay::outcomes(backend.as_ref(), &waves);
         let result = result.get_or_insert_with(|| BackendRates {

@@ -1,9 +1,9 @@
-//! The scene's own rays: a backend that stands before another, passes every call on and keeps copies of the rays of some
-//! whole waves, batch by batch, as the wavefront handed them over.
+//! The scene's own rays: a backend that stands before another, passes every call on and keeps copies of the rays of
+//! some whole waves, batch by batch, as the wavefront handed them over.
 //!
 //! A wave begins with the camera rays of a thread (the only closest-hit rays with the coherent hint) and holds all that
-//! follows on that thread until the next. Every `stride`-th wave is kept; when the copies exceed the budget, every second
-//! kept one is dropped and the stride doubles, so the kept waves stay spread evenly over the frame.
+//! follows on that thread until the next. Every `stride`-th wave is kept; when the copies exceed the budget, every
+//! second kept one is dropped and the stride doubles, so the kept waves stay spread evenly over the frame.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -11,6 +11,7 @@ use std::sync::Mutex;
 use std::thread::ThreadId;
 
 use crate::backend::batch::{RayBlock, RayHitBlock};
+use crate::backend::past::Past;
 use crate::backend::{Backend, BackendInfo, Coherence};
 use crate::error::Result;
 use crate::render::{Render, Renderer};
@@ -182,6 +183,11 @@ impl Backend for Recorder<'_> {
         let class = if hint == Coherence::Coherent { RayClass::Camera } else { RayClass::Bounce };
         self.record(class, hint, len, || blocks.iter().map(|block| block.ray).collect());
         self.inner.closest_hit(blocks, len, hint)
+    }
+
+    /// Rays that go on are not kept: a recording holds what was traced first.
+    fn closest_hit_past(&self, blocks: &mut [RayHitBlock], len: usize, past: &Past) -> u64 {
+        self.inner.closest_hit_past(blocks, len, past)
     }
 
     fn any_hit(&self, blocks: &mut [RayBlock], len: usize, hint: Coherence) -> u64 {

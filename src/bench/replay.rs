@@ -1,7 +1,7 @@
 //! Recorded rays traced bare: nothing but the calls that the render made, in its order, with its batches.
 //!
-//! Each batch is copied into a buffer of the thread, which stands for the wave's columns and stays in its L2 cache; the
-//! copying is not timed, the call is. Every thread takes whole waves, one after the other.
+//! Each batch is copied into a buffer of the thread, which takes the role of the wave's columns and stays in its L2
+//! cache; the copying is not timed, the call is. Every thread takes whole waves, one after the other.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,6 +13,7 @@ use super::record::{Batch, RayClass};
 use crate::backend::Backend;
 use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock};
 use crate::error::{Error, Result};
+use crate::machine;
 
 /// Rays that were traced and the time it took, by class; times are sums over threads, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,8 +46,7 @@ impl Bare {
 /// # Errors
 /// [`Error::Option`] when the system refuses to start them.
 pub fn pool(threads: usize) -> Result<ThreadPool> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("replay-{i}")).build();
-    pool.map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })
+    machine::pool(threads, "replay").map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })
 }
 
 /// The buffers that a thread traces in.

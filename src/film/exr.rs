@@ -1,6 +1,6 @@
-//! OpenEXR: films out, pictures in. One part, scan lines, ZIP, 32-bit float; beauty is the unnamed `R,G,B,A` (scene-linear
-//! Rec.709, premultiplied), extra outputs are dotted channels made by [`aov`](super::aov). The data window is the crop inside
-//! the full display window. Attributes as DESIGN §9 lists them.
+//! OpenEXR: films out, pictures in. One part, scan lines, ZIP, 32-bit float; beauty is the unnamed `R,G,B,A`
+//! (scene-linear Rec.709, premultiplied), other layers are dotted [`channels`](Film::channels). The data
+//! window is the crop inside the full display window. Attributes as DESIGN §9 lists them.
 //!
 //! Means beyond the range of f32 are written as ±[`f32::MAX`], never as infinity.
 //! Limit of reading: the first flat part, full resolution, channels R, G, B (A) or Y without subsampling.
@@ -14,9 +14,13 @@ use exr::prelude::{
     LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage, f16,
 };
 
-use super::Film;
-use super::aov::Channel;
+use super::channel::{Channel, stored};
+use super::header::SortedHeader;
+use super::layer::beauty;
+use super::store::Film;
 use crate::error::{Error, Result};
+use crate::input;
+use crate::setters::setters;
 
 /// Camera matrices of the OpenEXR standard attributes, row by row for row vectors; `camera::CameraRays` makes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,28 +31,59 @@ pub struct ViewMatrices {
     pub world_to_ndc: [f32; 16],
 }
 
-/// What a file says besides its pixels. Everything is optional; what is `None` is not written.
+/// What a file says besides its pixels. Everything is optional; what is `None` is not written. Attributes are in the
+/// order of their names.
+///
+/// ```
+/// # use pathspace::film::{Film, exr::ExrOptions};
+/// # use pathspace::render::Crop;
+/// # let folder = tempfile::tempdir().expect("a temporary folder");
+/// # let path = folder.path().join("picture.exr");
+/// # let film = Film::new((4, 4), Crop { x: 0, y: 0, width: 4, height: 4 });
+/// film.write_exr(path, &ExrOptions::default().half(true).seed(7))?;
+/// # Ok::<(), pathspace::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct ExrOptions {
     /// R, G, B and A in 16 bits instead of 32 (rounded to 11 bits of mantissa, at most ±65504); extra outputs stay 32.
     pub half: bool,
-    /// Extra outputs, see [`aov::channels`](super::aov::channels).
+    /// Other layers, see [`Film::channels`].
     pub channels: Vec<Channel>,
+    /// Whether what depends on the clock is left out (`renderTimeSeconds`), so that equal renders are equal files.
+    pub reproducible: bool,
     /// Wall time of the render, `renderTimeSeconds`.
     pub render_seconds: Option<f64>,
     /// Where the camera was.
     pub view: Option<ViewMatrices>,
     /// `pathspace/seed`.
     pub seed: Option<u64>,
-    /// First sample and one past the last that every pixel has, `pathspace/sampleRange`. When some pixels have more (a
-    /// render stopped in mid-pass), the range of the pixel with the most is written as `pathspace/sampleRangeMax`.
-    pub sample_range: Option<(u64, u64)>,
     /// Name and version of the ray backend, `pathspace/backend`.
     pub backend: Option<String>,
     /// Instruction set it ran on, `pathspace/isa`.
     pub isa: Option<String>,
     /// The resolved plan, `pathspace/plan`.
     pub plan: Option<String>,
+    /// Fingerprint of scene and settings, `pathspace/key`.
+    pub key: Option<String>,
+    /// Differences of build or instruction set that the render was gone on with in spite of, `pathspace/accepted`.
+    pub accepted: Option<String>,
+}
+
+impl ExrOptions {
+    setters! {
+        half: = bool,
+        reproducible: = bool,
+        channels: into Vec<Channel>,
+        render_seconds: into Option<f64>,
+        view: into Option<ViewMatrices>,
+        seed: into Option<u64>,
+        backend: into Option<String>,
+        isa: into Option<String>,
+        plan: into Option<String>,
+        key: into Option<String>,
+        accepted: into Option<String>,
+    }
 }
 
 impl Film {
@@ -61,21 +96,21 @@ impl Film {
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = Vec2(window.width as usize, window.height as usize);
-        let channels = AnyChannels::sort(self.channels(options).into_iter().collect());
+        let channels = AnyChannels::sort(self.exr_channels(options).into_iter().collect());
         let mut image = Image::from_layer(Layer::new(size, self.layer_attributes(options), encoding, channels));
         let resolution = Vec2(self.resolution.0 as usize, self.resolution.1 as usize);
         image.attributes.display_window = IntegerBounds::from_dimensions(resolution);
         image.attributes.chromaticities = Some(REC709);
         super::atomic::write_atomically(path.as_ref(), |writer| {
-            image.write().to_buffered(writer).map_err(|error| match error {
+            image.write().to_buffered(SortedHeader::new(writer)).map_err(|error| match error {
                 exr::error::Error::Io(source) => source,
                 other => std::io::Error::other(other.to_string()),
             })
         })
     }
 
-    fn channels(&self, options: &ExrOptions) -> Vec<AnyChannel<FlatSamples>> {
-        let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| {
+    fn exr_channels(&self, options: &ExrOptions) -> Vec<AnyChannel<FlatSamples>> {
+        let beauty = beauty::CHANNELS.into_iter().enumerate().map(|(c, name)| {
             let values = self.pixels.iter().map(|pixel| pixel.mean()[c]);
             let samples = if options.half {
                 FlatSamples::F16(values.map(stored_half).collect())
@@ -105,20 +140,23 @@ impl Film {
         set("samplesPerPixel", AttributeValue::I32(self.spp().mean.round().min(f64::from(i32::MAX)) as i32));
         set("colorInteropID", text("lin_rec709_scene"));
         set("pathspace/version", text(env!("CARGO_PKG_VERSION")));
-        if let Some(seconds) = options.render_seconds {
+        if let Some(seconds) = options.render_seconds.filter(|_| !options.reproducible) {
             set("renderTimeSeconds", AttributeValue::F32(seconds as f32));
         }
         let spp = self.spp();
-        let range = options.sample_range.map(|(first, end)| format!("{first}..{end}"));
-        let range_max = options.sample_range.filter(|_| spp.max > spp.min);
-        let range_max = range_max.map(|(first, _)| format!("{first}..{}", first + spp.max));
+        // First sample and one past the last that every pixel has; where some have more (a render that was stopped
+        // within a pass), also the range of the pixel with the most.
+        let range = |samples: u64| format!("{}..{}", self.first_sample, self.first_sample + samples);
+        let range_max = (spp.max > spp.min).then(|| range(spp.max));
         let texts = [
             ("pathspace/seed", options.seed.map(|seed| seed.to_string())),
-            ("pathspace/sampleRange", range),
+            ("pathspace/sampleRange", Some(range(spp.min))),
             ("pathspace/sampleRangeMax", range_max),
             ("pathspace/backend", options.backend.clone()),
             ("pathspace/isa", options.isa.clone()),
             ("pathspace/plan", options.plan.clone()),
+            ("pathspace/key", options.key.clone()),
+            ("pathspace/accepted", options.accepted.clone()),
         ];
         for (name, value) in texts {
             if let Some(value) = value {
@@ -144,11 +182,6 @@ const MOST_PIXELS: u64 = 1 << 28;
 
 /// Deflate, the strongest of the lossless codecs, expands a byte to at most 1032, and a pixel has at least one.
 const MOST_PIXELS_PER_BYTE: u64 = 1032;
-
-/// A mean as it is stored: rounded to f32 and saturated.
-pub(super) fn stored(value: f64) -> f32 {
-    value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
-}
 
 /// A mean as it is stored in 16 bits: rounded once, and saturated.
 fn stored_half(value: f64) -> f16 {
@@ -177,6 +210,16 @@ pub struct Picture {
     pub alpha: Option<Vec<f32>>,
 }
 
+/// The text of an attribute of an OpenEXR file; `None` where there is no such file or attribute.
+pub fn text_attribute(path: &Path, name: &str) -> Option<String> {
+    let (file, _) = input::open(path).ok()?;
+    let meta = MetaData::read_from_buffered(std::io::BufReader::new(file), false).ok()?;
+    match meta.headers.first()?.own_attributes.other.get(&Text::from(name))? {
+        AttributeValue::Text(text) => Some(String::from_utf8_lossy(text.as_slice()).into_owned()),
+        _ => None,
+    }
+}
+
 /// Reads the first flat part of an OpenEXR file.
 ///
 /// # Errors
@@ -184,7 +227,7 @@ pub struct Picture {
 pub fn read_exr(path: &Path) -> Result<Picture> {
     let broken = |problem: String| Error::Image { path: path.into(), problem };
     let unreadable = |error: exr::error::Error| broken(format!("not a readable OpenEXR file: {error}"));
-    let bytes = std::fs::read(path).map_err(|source| Error::io(path, "read", source))?;
+    let bytes = input::read(path).map_err(|source| Error::io(path, "read", source))?;
     // Sizes in headers are believed only as far as the file's length can expand to.
     let meta = MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(unreadable)?;
     let most = (bytes.len() as u64).saturating_mul(MOST_PIXELS_PER_BYTE).min(MOST_PIXELS);

@@ -2,13 +2,15 @@
 //! weighted by sign(h)·∫|h|/∫h, so that the plain mean of a pixel's samples is the filtered image and no sample is
 //! shared between pixels (neighbouring pixels stay independent, which the error estimate needs).
 //!
-//! Offsets are in pixels from the pixel's centre. All filters are separable and even; each axis is sampled alone.
-//! Box and tent are inverted in closed form. The others are inverted through tables built in f64: 512 cells per lobe,
-//! equidistant in 1 − √(1 − u), so that cells shrink quadratically towards the tail and towards the zero crossing.
-//! Lobes are chosen by probability, not by the sign of the result: the expectation of the weight is 1 exactly.
+//! Offsets are in pixels from the pixel's centre. All filters are separable and even; each axis is sampled alone. Box
+//! and tent are inverted in closed form. The others are inverted through tables built in f64: 512 cells per lobe,
+//! equidistant in 1 − √(1 − u), so that cells shrink quadratically towards the tail and towards the zero
+//! crossing. Lobes are chosen by probability, not by the sign of the result: the expectation of the weight is 1
+//! exactly.
 //!
 //! Source: Ernst, Stamminger, Greiner 2006 ("Filter importance sampling"); Mitchell and Netravali 1988; Harris 1978.
-//! Limit: with negative lobes the per-sample variance of a uniform image is (∫|h|/∫h)⁴ − 1, 0.3107 for Mitchell.
+//! Limit: with negative lobes the per-sample variance of a uniform image is (∫|h|/∫h)⁴ − 1, 0.3107 for
+//! Mitchell.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -264,8 +266,8 @@ mod tests {
 
     #[test]
     fn moments_of_samples_match_the_filter() {
-        // Oracle: quadrature of the definition. Deterministic; where the weight changes sign the grid misplaces up to one
-        // of its 65536 cells on each side, worth 2·1.07·2/65536 = 7·10⁻⁵.
+        // Oracle: quadrature of the definition. Deterministic; where the weight changes sign the grid misplaces up to
+        // one of its 65536 cells on each side, worth 2·1.07·2/65536 = 7·10⁻⁵.
         for kind in FilterKind::ALL {
             let table = FilterTable::new(kind);
             let n = 1 << 16;
@@ -290,8 +292,9 @@ mod tests {
 
     #[test]
     fn weights_have_expectation_one_and_the_known_variance() {
-        // HARDCASES M01: variance (∫|h|/∫h)⁴ − 1 = 0.3106532 for Mitchell, 0 for the others. Deterministic grid; the
-        // lobe boundary falls inside one of 1024 cells of each axis, so the grid itself is exact to 2·10⁻³.
+        // HARDCASES M01: variance (∫|h|/∫h)⁴ − 1 = 0.3106532 for Mitchell, 0 for the others. Deterministic
+        // grid; the lobe boundary falls inside one of 1024 cells of each axis, so the grid itself is exact to
+        // 2·10⁻³.
         for kind in FilterKind::ALL {
             let table = FilterTable::new(kind);
             let m = f64::from(table.magnitude);

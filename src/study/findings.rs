@@ -1,12 +1,12 @@
-//! What a study finds: its runs, the price list, and everything together. Errors are relative, times in seconds. Filled by
-//! [`measure`](super::measure), read by the report.
+//! What a study finds: its runs, the price list, and everything together. Errors are relative, times in seconds. Filled
+//! by [`measure`](super::measure), read by the report.
 
 use super::clock::Cost;
 use super::reference::{Difference, Reference};
 use super::settings::Setting;
 use crate::accuracy::predict::{Point, Predicted, Prediction};
 use crate::film::Film;
-use crate::film::lengths::LENGTHS;
+use crate::film::layer::bounces::LENGTHS;
 
 /// One finished run of a setting.
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ pub struct Study {
     pub prediction: Option<Prediction>,
     /// The price list.
     pub prices: Vec<Price>,
-    /// What everything is held against.
+    /// What everything is compared with.
     pub reference: Option<Reference>,
     /// Samples per pixel of each run of the reference; 0 for a given one.
     pub reference_spp: u64,
@@ -98,7 +98,8 @@ pub struct Study {
 }
 
 impl Study {
-    /// Nothing measured yet. `fixed_s`: load and build of the default setting, seconds; `settings` with the default first.
+    /// Nothing measured yet. `fixed_s`: load and build of the default setting, seconds; `settings` with the default
+    /// first.
     pub(super) fn new(fixed_s: f64, reference: Option<Reference>, settings: Vec<Setting>) -> Self {
         let series = |setting| Series { setting, runs: Vec::new(), pictures: Vec::new() };
         Study {

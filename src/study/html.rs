@@ -1,12 +1,11 @@
-//! A report as one page that needs nothing else: plots as SVG, pictures as PNG in data URIs, no script, light and dark by
-//! the reader's scheme.
+//! A report as one page that needs nothing else: plots as SVG, pictures as PNG in data URIs, no script, light and dark
+//! by the reader's scheme.
 
 use std::fmt::Write;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::axes::escaped;
 use super::findings::Study;
 use super::plot;
 use super::reference::values;
@@ -15,6 +14,7 @@ use super::runs::Interval;
 use super::settings::Role;
 use super::table::{bias_percent, error_of, saved, short, with_interval};
 use crate::film::png;
+use crate::plot::svg::{COLOURS, escaped};
 
 const STYLE: &str = include_str!("report.css");
 
@@ -81,7 +81,7 @@ fn figure(svg: &str, legend: &str, body: &mut String) {
     let _ = writeln!(body, "<figure>{svg}<figcaption>{legend}</figcaption></figure>");
 }
 
-/// A coloured mark and what it stands for.
+/// A coloured mark and its label.
 fn mark(colour: usize, text: &str) -> String {
     format!("<span class=\"mark\"><i style=\"background:var(--c{colour})\"></i>{}</span> ", escaped(text))
 }
@@ -206,7 +206,7 @@ fn knobs(report: &Report, body: &mut String) {
     }
     body.push_str("<h2>Knobs: bias against time saved</h2>\n");
     let legend: String =
-        rows.iter().enumerate().map(|(i, row)| mark(i % plot::COLOURS, &format!("{} {}", i + 1, row.name))).collect();
+        rows.iter().enumerate().map(|(i, row)| mark(i % COLOURS, &format!("{} {}", i + 1, row.name))).collect();
     let legend = legend + "Hollow with an arrow: no bias was seen; it lies below the mark. Bars: 95 %.";
     figure(&plot::bias_against_time(report), &legend, body);
     let default = report.settings.iter().filter(|row| row.role == Role::Default);
@@ -221,7 +221,15 @@ fn knobs(report: &Report, body: &mut String) {
             row.relmse.map_or(dash(), |r| short(100.0 * error_of(r.value))),
         ]
     };
-    let head = ["setting", "mean error, %", "bias² (relMSE)", "bias, %", "processor time saved, %", "relative RMSE, %"];
+    let head = [
+        "setting",
+        "mean error, %",
+        "bias² (relMSE)",
+        "bias, %",
+        "processor time saved, %",
+        "relative \
+        RMSE, %",
+    ];
     table(&head, &default.chain(rows.iter().copied()).map(cells).collect::<Vec<_>>(), body);
     body.push_str("<p>The default's own row is against the reference, all others are against the default.</p>\n");
 }
@@ -252,14 +260,16 @@ fn pictures(study: &Study, body: &mut String) {
     let uri = |bytes: &[u8]| format!("data:image/png;base64,{}", STANDARD.encode(png::encode_rgb(bytes, w, h)));
     let _ = writeln!(
         body,
-        "<figure><img src=\"{}\" width=\"{w}\" height=\"{h}\" alt=\"the picture\"><figcaption>The default at {} samples per \
+        "<figure><img src=\"{}\" width=\"{w}\" height=\"{h}\" alt=\"the picture\"><figcaption>The default at {} \
+         samples per \
          pixel, one run.</figcaption></figure>",
         uri(&shown),
         study.top_spp
     );
     let _ = writeln!(
         body,
-        "<figure><img src=\"{}\" width=\"{w}\" height=\"{h}\" alt=\"its error\"><figcaption>Relative error of each pixel \
+        "<figure><img src=\"{}\" width=\"{w}\" height=\"{h}\" alt=\"its error\"><figcaption>Relative error of \
+         each pixel \
          against the reference: <span class=\"scale\"></span> 0 to {} % and above.</figcaption></figure>\n</div>",
         uri(&errors),
         short(100.0 * top)

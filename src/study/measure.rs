@@ -2,9 +2,10 @@
 //!
 //! * Pilot: one seed, 4, 8, 16, … samples; fits the price list.
 //! * Warm-up: every setting once; sets the numbers of samples, and is left out of every result by that rule.
-//! * Reference: eight long runs with seeds of their own.
-//! * Rounds: every setting in order and then in reverse order, so that a drift of the machine that is linear over a round
-//!   falls on all settings alike. Within a round all settings use the same seeds and are compared on the same paths.
+//! * Reference: eight long runs with different seeds.
+//! * Rounds: every setting in order and then in reverse order, so that a drift of the machine that is linear over a
+//!   round falls on all settings alike. Within a round all settings use the same seeds and are compared on the same
+//!   paths.
 //! * The price list's targets, cheapest first, while time is left; then more rounds.
 //!
 //! What it finds is a [`Study`]. Stopping early, by the budget or by the observer, keeps every finished run. Limit:
@@ -29,12 +30,12 @@ pub const TARGETS: [f64; 5] = [0.10, 0.05, 0.02, 0.01, 0.005];
 /// Runs that the reference is the mean of.
 const REFERENCE_RUNS: u64 = 8;
 
-/// A run of the reference has this many times the samples of the largest runs that are held against it, or more; fewer
+/// A run of the reference has this many times the samples of the largest runs that are compared with it, or more; fewer
 /// where the budget is too small for that.
 const REFERENCE_FACTOR: u64 = 4;
 
-/// Rounds that the numbers of samples are chosen for. Machines that also do other things manage fewer; time that is left
-/// goes into more.
+/// Rounds that the numbers of samples are chosen for. Machines that also do other things manage fewer; time that is
+/// left goes into more.
 const ROUNDS: f64 = 6.0;
 
 /// Shares of the budget, from its start: end of the pilot, of the rounds; and the share that the reference may take.
@@ -55,7 +56,7 @@ pub const MOST_PIXELS: u64 = 1 << 18;
 /// What is to be studied.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// The default setting: picture, seed, threads. Its limits are not looked at.
+    /// The default setting: picture, seed, threads. Its limits are ignored.
     pub base: RenderOptions,
     /// Wall time for everything, from `started` of [`run`].
     pub budget: Duration,
@@ -80,7 +81,8 @@ fn price_seed(base: u64, target: usize) -> u64 {
 /// Runs the study. `observe` is called during every render and ends the study by breaking off.
 ///
 /// # Errors
-/// Those of [`Renderer::new`](crate::Renderer::new); [`Error::Option`] for more pixels than [`MOST_PIXELS`] and for a reference of another size.
+/// Those of [`Renderer::new`](crate::Renderer::new); [`Error::Option`] for more pixels than [`MOST_PIXELS`] and for a
+/// reference of another size.
 pub fn run(
     scene: &Scene,
     request: &Request,
@@ -152,8 +154,8 @@ impl Study {
         Ok(())
     }
 
-    /// Renders every setting once and chooses how many samples the rounds can afford. Returns the wall time of a sample of
-    /// the default setting.
+    /// Renders every setting once and chooses how many samples the rounds can afford. Returns the wall time of a sample
+    /// of the default setting.
     fn choose_samples(&mut self, renderers: &mut Renderers) -> Result<f64, Halt> {
         let mut costs = Vec::new();
         for series in &self.series {

@@ -2,12 +2,13 @@
 //! fills [`findings`], [`report`] turns
 //! the runs into numbers with intervals ([`runs`]), and [`table`] and [`html`] show them.
 
-pub mod axes;
 pub mod clock;
+mod conclude;
 pub mod findings;
 pub mod html;
 pub mod measure;
 pub mod notes;
+pub mod picture;
 pub mod plot;
 pub mod reference;
 pub mod renderers;

@@ -18,14 +18,16 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
     let ratio = f64::from(rw) * f64::from(rh) / (f64::from(w) * f64::from(h));
     if (ratio - 1.0).abs() > 0.01 {
         notes.push(format!(
-            "Measured at {w}x{h} pixels. `render` by itself takes {rw}x{rh}: {ratio:.1} times the pixels, and about that many \
+            "Measured at {w}x{h} pixels. `render` by itself takes {rw}x{rh}: {ratio:.1} times the pixels, and \
+             about that many \
              times the seconds for the same error; samples per pixel stay."
         ));
     }
     match &report.reference {
         None => notes.push("There was no time for a reference: nothing was measured against one.".into()),
         Some(r) if r.what == "own" => notes.push(format!(
-            "Reference: the mean of {} held-out runs of {} samples per pixel with seeds of their own, by the same renderer. \
+            "Reference: the mean of {} held-out runs of {} samples per pixel with seeds of their own, by the \
+             same renderer. \
              Its own error is stated and subtracted. What the renderer gets wrong everywhere, it gets wrong there too.",
             r.runs, r.spp
         )),
@@ -37,7 +39,8 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
     }
     if study.rounds < FEW_ROUNDS && report.reference.is_some() {
         notes.push(format!(
-            "Only {} rounds of runs fitted the budget: intervals are wide or missing. A larger --budget or a smaller --width \
+            "Only {} rounds of runs fitted the budget: intervals are wide or missing. A larger --budget or a \
+             smaller --width \
              helps.",
             study.rounds
         ));
@@ -54,19 +57,24 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
         notes.push(format!("{nonfinite} samples were not finite; they count as 0 and stay in every metric."));
     }
     notes.push(
-        "Errors are relative RMSE, the square root of relMSE = mean of (I - R)²/(R² + ε), of linear pictures; nothing is \
-         clamped, denoised or tone-mapped. No clamping is offered by this renderer, so none is measured. FLIP is of the \
+        "Errors are relative RMSE, the square root of relMSE = mean of (I - R)²/(R² + ε), of linear \
+         pictures; nothing is \
+         clamped, denoised or tone-mapped. No clamping is offered by this renderer, so none is measured. FLIP \
+         is of the \
          displayed picture."
             .into(),
     );
     notes.push(
-        "Efficiency is 1/(relMSE · processor time) over that of the default, at equal samples; seconds to 1 % compare at \
-         equal error. Intervals are of 95 % over rounds of runs, each round in order and in reverse; where the interval of \
+        "Efficiency is 1/(relMSE · processor time) over that of the default, at equal samples; seconds to 1 % \
+         compare at \
+         equal error. Intervals are of 95 % over rounds of runs, each round in order and in reverse; where the \
+         interval of \
          an efficiency contains 1 there is no measurable difference. The warm-up of each setting is left out by rule."
             .into(),
     );
     notes.push(
-        "Bias compares runs of equal seeds with the default's, so noise that both share is not in it; bias² comes from \
+        "Bias compares runs of equal seeds with the default's, so noise that both share is not in it; bias² \
+         comes from \
          products of different runs and may come out negative where there is none."
             .into(),
     );

@@ -1,14 +1,10 @@
 //! Plots of a report as SVG text. Colours are CSS variables of the page, so that they follow its light and dark scheme.
 
-use std::fmt::Write;
-
-use super::axes::{Axis, MARGIN, Plot, WIDTH};
 use super::report::{Report, Row};
 use super::settings::Role;
 use super::table::{error_of, saved, short};
-
-/// Series that a plot tells apart by colour.
-pub const COLOURS: usize = 8;
+use crate::plot::axes::{Axis, MARGIN, Plot, WIDTH};
+use crate::plot::svg::{Anchor, COLOURS};
 
 /// The techniques that are drawn: the default and those that change one thing, as many as there are colours.
 pub fn drawn(report: &Report) -> Vec<&Row> {
@@ -42,14 +38,18 @@ pub fn error_against_time(report: &Report) -> String {
             plot.line(&ends, "stroke:var(--faint);stroke-width:1;stroke-dasharray:2 4");
             if let Some(&(x, y)) = ends.last() {
                 let (x, y) = plot.place(x, y);
-                plot.text((x.min(WIDTH - MARGIN[1] - 4.0), y + shift), "end", name);
+                plot.text((x.min(WIDTH - MARGIN[1] - 4.0), y + shift), Anchor::End, name);
             }
         }
     }
     if let Some(own) = own {
         plot.line(&[(plot.x.low, own), (plot.x.high, own)], "stroke:var(--ink);stroke-width:1;stroke-dasharray:6 4");
         let (x, y) = plot.place(plot.x.low, own);
-        plot.text((x + 6.0, y - 5.0), "start", &format!("the reference's own error, {} % (subtracted)", short(own)));
+        plot.text(
+            (x + 6.0, y - 5.0),
+            Anchor::Start,
+            &format!("the reference's own error, {} % (subtracted)", short(own)),
+        );
     }
     for (colour, row) in rows.iter().enumerate() {
         let band = |end: &dyn Fn(&super::runs::Interval) -> f64| -> Vec<(f64, f64)> {
@@ -66,7 +66,7 @@ pub fn error_against_time(report: &Report) -> String {
             plot.dot(*point, colour, false, &title);
         }
     }
-    plot.svg("Relative error against time, by technique")
+    plot.svg.inline("Relative error against time, by technique")
 }
 
 /// What the targets cost: predicted with intervals, and measured.
@@ -92,7 +92,7 @@ pub fn price_list(report: &Report) -> String {
             plot.dot((m.seconds, error), 1, false, &title);
         }
     }
-    plot.svg("What an error costs: predicted and measured")
+    plot.svg.inline("What an error costs: predicted and measured")
 }
 
 /// √bias² against the time that a knob saves; numbers refer to the list under the plot.
@@ -129,8 +129,7 @@ pub fn bias_against_time(report: &Report) -> String {
         } else {
             // Nothing was seen: the true value lies below.
             let (px, py) = plot.place(x, y);
-            let _ =
-                writeln!(plot.body, r#"<path d="M{px:.1} {py:.1}v16m-4 -5l4 5l4 -5" fill="none" style="{style}"/>"#);
+            plot.svg.arrow_down((px, py), &style);
         }
         let title =
             format!("{}: bias {}{} %, time saved {} %", row.name, if seen { "" } else { "below " }, short(y), short(x));
@@ -142,9 +141,9 @@ pub fn bias_against_time(report: &Report) -> String {
             at.0 += 16.0;
         }
         labels.push(at);
-        plot.text(at, "start", &(i + 1).to_string());
+        plot.text(at, Anchor::Start, &(i + 1).to_string());
     }
-    plot.svg("Bias against the time it saves")
+    plot.svg.inline("Bias against the time it saves")
 }
 
 /// The knobs in the order of their numbers.
@@ -172,14 +171,8 @@ pub fn path_lengths(report: &Report) -> String {
         let edge = (i + 1) as f64;
         let ((left, top), (right, base)) =
             (plot.place(edge - 0.35, 100.0 * share.value), plot.place(edge + 0.35, plot.y.low));
-        let _ = writeln!(
-            plot.body,
-            r#"<rect x="{left:.1}" y="{top:.1}" width="{:.1}" height="{:.1}" style="fill:var(--c0);opacity:.55"><title>{} edges: {} %</title></rect>"#,
-            right - left,
-            base - top,
-            i + 1,
-            short(100.0 * share.value)
-        );
+        let title = format!("{} edges: {} %", i + 1, short(100.0 * share.value));
+        plot.svg.rect((left, top), (right - left, base - top), "fill:var(--c0);opacity:.55", &title);
     }
     let edge = |(i, v): (usize, &f64)| ((i + 1) as f64, *v);
     let line: Vec<(f64, f64)> = left_out.iter().enumerate().map(edge).take_while(|(_, v)| *v > plot.y.low).collect();
@@ -187,5 +180,5 @@ pub fn path_lengths(report: &Report) -> String {
     for (edge, v) in line {
         plot.dot((edge, v), 1, false, &format!("--max-depth {edge}: leaves out {} %", short(v)));
     }
-    plot.svg("What each path length carries")
+    plot.svg.inline("What each path length carries")
 }

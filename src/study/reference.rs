@@ -1,4 +1,4 @@
-//! What pictures are held against: independent long runs of the same renderer with seeds of their own, or a picture that
+//! What pictures are compared with: independent long runs of the same renderer with different seeds, or a picture that
 //! is given. relMSE has its denominators from here alone: 1/(R² + ε), ε = 0.01·mean(R)² (DESIGN §9).
 //!
 //! The runs' own spread is an unbiased estimate of the reference's own error; it is stated and subtracted. Of a given
@@ -15,7 +15,7 @@ pub fn values(film: &Film) -> Vec<f32> {
     film.pixels.iter().flat_map(|pixel| pixel.mean().into_iter().take(3)).map(|v| v as f32).collect()
 }
 
-/// A picture that stands for the truth.
+/// A picture that is taken as the truth.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// R, G, B of each pixel.
@@ -131,8 +131,8 @@ mod tests {
         assert!((d.percentiles[2] - first.sqrt()).abs() < 1e-12);
     }
 
-    /// Oracle: runs of known variance. Four runs of mean 1 and uniform noise of width 0.4: the mean's variance is 0.16/12/4
-    /// over 1.01; 3000 values give 4 %, the limit is five of that.
+    /// Oracle: runs of known variance. Four runs of mean 1 and uniform noise of width 0.4: the mean's variance is
+    /// 0.16/12/4 over 1.01; 3000 values give 4 %, the limit is five of that.
     #[test]
     fn the_references_own_error_is_the_variance_of_its_mean() {
         let mut state = 9u64;

@@ -1,5 +1,5 @@
-//! The renderers of a study, one for each way to trace, under its clock: every render is watched by the observer and by the
-//! budget of wall time, and ends the study where either says so.
+//! The renderers of a study, one for each way to trace, under its clock: every render is watched by the observer and by
+//! the budget of wall time, and ends the study where either says so.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};

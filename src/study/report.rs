@@ -1,6 +1,6 @@
-//! What a study found: numbers with intervals, as the record behind `report.json`, `report.csv`, the table and the page.
-//! Keys are a contract: add, never rename. Errors are relative RMSE or relMSE (DESIGN §9); times are seconds; an interval
-//! is of 95 %, and `null` where there are too few runs for one.
+//! What a study found: numbers with intervals, as the record behind `report.json`, `report.csv`, the table and the
+//! page. Keys are a contract: add, never rename. Errors are relative RMSE or relMSE (DESIGN §9); times are seconds; an
+//! interval is of 95 %, and `null` where there are too few runs for one.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use super::runs::{self, Interval, Line};
 use super::settings::Role;
 use crate::accuracy::predict::Predicted;
 use crate::film::exr::through_half;
-use crate::film::lengths::LENGTHS;
+use crate::film::layer::bounces::LENGTHS;
 
 /// A metric that rests on one pixel for more than this share says little (HARDCASES §6.2).
 const UNRELIABLE_SHARE: f64 = 0.1;
@@ -25,7 +25,7 @@ pub struct Report {
     pub schema: u32,
     /// What was studied, and on what.
     pub setup: Setup,
-    /// What everything was held against.
+    /// What everything was compared with.
     pub reference: Option<ReferenceRecord>,
     /// The price list.
     pub prices: Vec<PriceRecord>,
@@ -50,7 +50,7 @@ pub struct Setup {
     pub scene: String,
     /// Columns and rows.
     pub resolution: [u32; 2],
-    /// Columns and rows that `render` would take by itself.
+    /// Columns and rows that `render` would choose.
     pub render_resolution: [u32; 2],
     /// Worker threads.
     pub threads: usize,
@@ -183,8 +183,8 @@ pub struct Lengths {
 }
 
 impl Report {
-    /// From what was measured. `reference` names a given one.
-    pub fn new(study: &Study, setup: Setup, reference: Option<String>) -> Self {
+    /// From what was measured, without notes. `reference` names a given one.
+    pub(super) fn of_figures(study: &Study, setup: Setup, reference: Option<String>) -> Self {
         let record = study.reference.as_ref().map(|r| ReferenceRecord {
             what: reference.unwrap_or_else(|| "own".into()),
             runs: r.run_means.len(),
@@ -192,7 +192,7 @@ impl Report {
             own_relmse: r.own_relmse,
             epsilon: r.epsilon,
         });
-        let mut report = Report {
+        Report {
             schema: 1,
             reference: record,
             prices: prices(study),
@@ -202,9 +202,7 @@ impl Report {
             interrupted: study.interrupted,
             notes: Vec::new(),
             setup,
-        };
-        report.notes = super::notes::of(&report, study);
-        report
+        }
     }
 }
 
@@ -219,7 +217,7 @@ fn prices(study: &Study) -> Vec<PriceRecord> {
         let measured = price.measured.map(|m| MeasuredRecord {
             spp: m.spp,
             seconds: m.seconds,
-            // What is left of the measured when two thirds of it are subtracted is noisy already.
+            // Subtracting two thirds of what was measured leaves mostly noise.
             error: m.relmse.filter(|r| own.is_none_or(|own| *r > 0.5 * own.value)).map(f64::sqrt),
             estimated: m.estimated.map(|(relmse, interval)| interval_of(relmse, interval).map(f64::sqrt)),
         });

@@ -1,5 +1,5 @@
-//! The rounds of a study: every setting in order and then in reverse order, each at its numbers of samples, and the run that
-//! tells what each length of path carries. Within a round all settings use the same seeds.
+//! The rounds of a study: every setting in order and then in reverse order, each at its numbers of samples, and the run
+//! that tells what each length of path carries. Within a round all settings use the same seeds.
 
 use std::time::Instant;
 
@@ -8,7 +8,7 @@ use super::reference::values;
 use super::renderers::{Halt, Renderers};
 use super::settings::Role;
 use crate::accuracy::flip;
-use crate::film::lengths::LENGTHS;
+use crate::film::layer::bounces::LENGTHS;
 use crate::render::{Render, RenderOptions};
 
 /// More rounds than this say little more.
@@ -104,8 +104,8 @@ pub(super) fn levels(role: Role, top: u64) -> Vec<(u32, u64)> {
 }
 
 fn length_means(render: &Render) -> Option<[f64; LENGTHS]> {
-    let lengths = render.lengths.as_ref()?;
-    let pixels = lengths.sums.len() as f64;
+    let lengths = render.film.path_lengths()?;
+    let pixels = render.film.pixels.len() as f64;
     Some(std::array::from_fn(|edge| lengths.image(edge).iter().flatten().sum::<f64>() / (3.0 * pixels)))
 }
 

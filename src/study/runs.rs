@@ -1,9 +1,10 @@
-//! Numbers from independent runs, with 95 % intervals whose unit is the run, never the pixel of one run (HARDCASES §6.2).
+//! Numbers from independent runs, with 95 % intervals whose unit is the run, never the pixel of one run (HARDCASES
+//! §6.2).
 //!
-//! Means by Student's t; ratios by t on their logarithms; slopes by least squares on log-log points; bias² by products of
-//! different runs, ⟨Dᵢ, Dⱼ⟩ with i ≠ j, whose expectation is the square of the mean difference with no noise in it. Such
-//! an estimate may come out negative; it is not clipped.
-//! Limits: t assumes runs that are not too skewed; too few runs give infinite intervals, not small ones.
+//! Means by Student's t; ratios by t on their logarithms; slopes by least squares on log-log points; bias² by products
+//! of different runs, ⟨Dᵢ, Dⱼ⟩ with i ≠ j, whose expectation is the square of the mean difference with no
+//! noise in it. Such an estimate may come out negative; it is not clipped. Limits: t assumes runs that are not too
+//! skewed; too few runs give infinite intervals, not small ones.
 
 use serde::Serialize;
 
@@ -128,8 +129,8 @@ impl Line {
     }
 }
 
-/// Σ w·(E D)² from independent differences Dᵢ, by products of different runs; interval by the delete-one jackknife.
-/// `None` for fewer than three runs.
+/// Σ w·(E D)² from independent differences Dᵢ, by products of different runs; interval by the delete-one
+/// jackknife. `None` for fewer than three runs.
 pub fn bias_squared(differences: &[Vec<f32>], weights: &[f64]) -> Option<Interval> {
     let runs = differences.len();
     if runs < 3 {
@@ -184,7 +185,8 @@ mod tests {
         assert_eq!(t95(0), f64::INFINITY);
     }
 
-    /// Oracle: coverage of 1000 simulated means of 5 normal values: binomial of 95 %, 920 to 980 fails with 2·10⁻⁵.
+    /// Oracle: coverage of 1000 simulated means of 5 normal values: binomial of 95 %, 920 to 980 fails with
+    /// 2·10⁻⁵.
     #[test]
     fn means_cover() {
         let mut normal = Normal(1);
@@ -218,8 +220,9 @@ mod tests {
         assert!(held.iter().all(|h| (920..=980).contains(h)), "{held:?}");
     }
 
-    /// Oracle: differences of known mean. 300 pixels, 8 runs, noise three times the bias: unbiased over 400 trials within
-    /// 5 standard errors, and the jackknife's interval covers in about 95 % (it is a little too wide or narrow: 90 to 99).
+    /// Oracle: differences of known mean. 300 pixels, 8 runs, noise three times the bias: unbiased over 400 trials
+    /// within 5 standard errors, and the jackknife's interval covers in about 95 % (it is a little too wide or narrow:
+    /// 90 to 99).
     #[test]
     fn bias_squared_is_free_of_noise() {
         for bias in [0.0, 0.3] {

@@ -1,8 +1,8 @@
 //! What is measured against what: the settings of a study, each named by how it differs from the default one.
 //!
 //! *Techniques* change the noise and the time, not the expectation: their error is followed over several numbers of
-//! samples. *Knobs* trade accuracy for time or space: they are measured at one number of samples, run by run against the
-//! default with the same seeds, so that the difference shows the bias and not the noise.
+//! samples. *Knobs* trade accuracy for time or space: they are measured at one number of samples, run by run against
+//! the default with the same seeds, so that the difference shows the bias and not the noise.
 
 use serde::Serialize;
 
@@ -38,16 +38,6 @@ pub struct Setting {
     pub options: RenderOptions,
 }
 
-/// Name of a strategy on the command line.
-fn strategy_name(strategy: Strategy) -> &'static str {
-    match strategy {
-        Strategy::MisPower => "mis",
-        Strategy::MisBalance => "mis-balance",
-        Strategy::BsdfOnly => "bsdf",
-        Strategy::LightOnly => "light",
-    }
-}
-
 fn roulette_name(roulette: Roulette) -> &'static str {
     if roulette == Roulette::Off { "off" } else { "on" }
 }
@@ -61,7 +51,7 @@ pub fn backend_of(options: &RenderOptions) -> BackendKind {
 pub fn describe(base: &RenderOptions) -> String {
     let mut text = format!(
         "--strategy {} --sampler {} --roulette {} --max-depth {} --backend {}",
-        strategy_name(base.strategy),
+        base.strategy.name(),
         base.sampler.name(),
         roulette_name(base.roulette),
         base.max_depth,
@@ -81,7 +71,7 @@ pub fn describe(base: &RenderOptions) -> String {
 
 /// The default first, then the techniques: one factor at a time, or all combinations when `full`.
 pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
-    let strategies = [Strategy::MisPower, Strategy::MisBalance, Strategy::LightOnly, Strategy::BsdfOnly];
+    let strategies = [Strategy::MIS, Strategy::MIS_BALANCE, Strategy::LIGHT, Strategy::BSDF];
     let roulettes = [Roulette::On, Roulette::Off];
     // The loop over all triangles has no business with pictures.
     let others = BackendKind::available().iter().copied();
@@ -93,7 +83,7 @@ pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
             for sampler in [SamplerKind::Sobol, SamplerKind::Independent] {
                 for strategy in strategies {
                     let differences = [
-                        (strategy != base.strategy, "--strategy", strategy_name(strategy)),
+                        (strategy != base.strategy, "--strategy", strategy.name()),
                         (sampler != base.sampler, "--sampler", sampler.name()),
                         (
                             roulette_name(roulette) != roulette_name(base.roulette),
@@ -111,15 +101,17 @@ pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
                         .filter(|(differs, ..)| *differs)
                         .map(|(_, flag, value)| format!("{flag} {value}"))
                         .collect();
-                    let embree = backend == BackendKind::Embree;
-                    let pins = |isa: &String| backend.pins(isa);
+                    // Another backend is held to what it can be held to.
+                    let isa = base.isa.clone().filter(|isa| backend.pins(isa));
+                    let rays = base.rays.filter(|rays| backend.only_mode().is_none_or(|only| only == *rays));
                     let options = RenderOptions {
                         strategy,
                         sampler,
                         roulette: if differences[2].0 { roulette } else { base.roulette },
                         backend: Some(backend),
-                        isa: base.isa.clone().filter(pins),
-                        robust: base.robust || !embree,
+                        isa,
+                        rays,
+                        robust: base.robust || backend != BackendKind::Embree,
                         ..base.clone()
                     };
                     list.push(Setting { name: name.join(" "), role: Role::Technique, options });

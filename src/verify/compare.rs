@@ -1,19 +1,21 @@
 //! Term by term: the solver's means over the picture and its quarters against the path tracer's.
 //!
-//! The path tracer's standard error comes from two independent runs: a quarter of the squared difference of a pixel's two
-//! values is the variance of their mean, and pixels are independent. The solver's interval is relative, one for all regions
-//! and channels of a length: the largest of |fine − coarse|/2 and |fine − middle|. The first is the error of the finest if it
-//! is of first order in the patch's side. Where shadow edges happen to lie on the patches adds errors that are as good as
-//! random; then the second is at least as large in the mean, and the largest over regions does not vanish by chance. It is
-//! never less than that of a shorter length, because an error made at one scattering is carried on.
-//! A comparison agrees within 4.9 standard errors (10⁻⁶ two-sided) plus that interval; a check makes up to 240, so it alarms
-//! falsely with 2.4·10⁻⁴. Not judged are terms below [`FAINT`] of the picture and terms that few paths make up ([`RARE`]), whose
-//! standard error means nothing (HARDCASES §6.2). A term that the path tracer never found is judged where the solver's value
-//! stands for at least [`CERTAIN`] paths, each as bright as the brightest emission.
+//! The path tracer's standard error comes from two independent runs: a quarter of the squared difference of a pixel's
+//! two values is the variance of their mean, and pixels are independent. The solver's interval is relative, one for all
+//! regions and channels of a length: the largest of |fine − coarse|/2 and |fine − middle|. The first is the error
+//! of the finest if it is of first order in the patch's side. Where shadow edges happen to lie on the patches adds
+//! errors that are as good as random; then the second is at least as large in the mean, and the largest over regions
+//! does not vanish by chance. It is never less than that of a shorter length, because an error made at one scattering
+//! is carried on. A comparison agrees within 4.9 standard errors (10⁻⁶ two-sided) plus that interval; a check makes
+//! up to 240, so it alarms falsely with 2.4·10⁻⁴. Not judged are terms below [`FAINT`] of the picture and terms
+//! that few paths make up ([`RARE`]), whose standard error means nothing (HARDCASES §6.2). A term that the path tracer
+//! never found is judged where the solver's value amounts to at least [`CERTAIN`] paths, each as bright as the
+//! brightest emission.
 
 use super::gather::Radiances;
-use super::{SOLUTIONS, VerifyOptions};
-use crate::film::lengths::LENGTHS;
+use super::options::VerifyOptions;
+use super::patches::SOLUTIONS;
+use crate::film::layer::bounces::LENGTHS;
 
 /// Standard errors within which a term agrees.
 pub const SIGMAS: f64 = 4.9;
@@ -127,8 +129,8 @@ pub struct Term {
     pub judged: bool,
 }
 
-/// Relative rounding of a path's f32 products and of its two camera rays' points; terms that are exact otherwise (emission,
-/// furnaces) agree to this.
+/// Relative rounding of a path's f32 products and of its two camera rays' points; terms that are exact otherwise
+/// (emission, furnaces) agree to this.
 const ROUNDING: f64 = 1.0 / (1u32 << 18) as f64;
 
 impl Term {
@@ -268,8 +270,8 @@ mod tests {
         comparisons.iter().filter(|c| c.agrees()).count()
     }
 
-    /// Oracle: by hand. Noise of 10 % a pixel leaves 0.1/16 of the whole, 0.1/8 of a quarter; the discretisation is 1 % of
-    /// 0.99, as |fine − coarse|/2 and |fine − middle| say.
+    /// Oracle: by hand. Noise of 10 % a pixel leaves 0.1/16 of the whole, 0.1/8 of a quarter; the discretisation is 1 %
+    /// of 0.99, as |fine − coarse|/2 and |fine − middle| say.
     #[test]
     fn agreement_is_within_noise_and_discretisation() {
         let [a, b, c] = solutions();
@@ -280,7 +282,8 @@ mod tests {
         assert_eq!(agreeing(&estimates(1.0, 0)), 80);
     }
 
-    /// What must be seen: a twelfth too bright everywhere, and lengths counted one off although the sum stays about right.
+    /// What must be seen: a twelfth too bright everywhere, and lengths counted one off although the sum stays about
+    /// right.
     #[test]
     fn wrong_terms_are_seen() {
         assert_eq!(agreeing(&estimates(1.0 / 0.92, 0)), 0);
@@ -300,8 +303,8 @@ mod tests {
         assert_eq!(judged, [3, 3]);
     }
 
-    /// Nothing found: of 256 pixels with 4 samples and emission 1, lengths up to 6 stand for 16 paths and more, quarters up
-    /// to 4.
+    /// Nothing found: of 256 pixels with 4 samples and emission 1, lengths up to 6 amount to 16 paths and more,
+    /// quarters up to 4.
     #[test]
     fn what_is_never_found_is_missed_where_it_should_have_been() {
         let [a, b, c] = solutions();

@@ -1,14 +1,15 @@
-//! Form factor from a point to a triangle: the share of the cosine-weighted hemisphere of (x, n) that the triangle covers,
-//! in closed form, without visibility.
+//! Form factor from a point to a triangle: the share of the cosine-weighted hemisphere of (x, n) that the triangle
+//! covers, in closed form, without visibility.
 //!
-//! F = 1/2π·Σ θ_e·(n · ê) over the edges of the part above the horizon, θ_e the angle under which an edge is seen and ê
-//! the unit normal of the plane through x and the edge (Lambert 1760; Goral et al. 1984). f64 throughout.
+//! F = 1/2π·Σ θ_e·(n · ê) over the edges of the part above the horizon, θ_e the angle under which an edge is
+//! seen and ê the unit normal of the plane through x and the edge (Lambert 1760; Goral et al. 1984). f64 throughout.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-/// Share of the hemisphere around `n` (unit) at `x` that the triangle covers, in [0, 1]; 0 below the horizon or edge-on.
+/// Share of the hemisphere around `n` (unit) at `x` that the triangle covers, in [0, 1]; 0 below the horizon or
+/// edge-on.
 pub fn point_to_triangle(x: DVec3, n: DVec3, corners: [DVec3; 3]) -> f64 {
     let v = corners.map(|p| p - x);
     let height = v.map(|p| p.dot(n));

@@ -1,19 +1,18 @@
-//! What the camera sees of the solution: at the point that a pixel's centre ray meets, one more scattering of every term
-//! is gathered from all patches through a row of its own. The emission of the point itself is term 0.
+//! What the camera sees of the solution: at the point that a pixel's centre ray meets, one more scattering of every
+//! term is gathered from all patches through its own row. The emission of the point itself is term 0.
 
-use super::Series;
-use super::operator::{self, Receiver};
+use super::operator::{self, Receiver, Series};
 use super::patches::Patches;
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::backend::{Backend, Coherence};
 use crate::camera::CameraRays;
-use crate::film::lengths::LENGTHS;
+use crate::film::layer::bounces::LENGTHS;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 use crate::shading::interaction::Interaction;
 
-/// Radiance by number of edges (index 0 unused, [`LENGTHS`] − 1 the tail up to the depth limit), and behind them that of all
-/// paths beyond the depth limit, which may lie among the lengths.
+/// Radiance by number of edges (index 0 unused, [`LENGTHS`] − 1 the tail up to the depth limit), and behind them that
+/// of all paths beyond the depth limit, which may lie among the lengths.
 pub type Radiances = [[f64; 3]; LENGTHS + 1];
 
 /// What the ray through a pixel's centre meets.
@@ -62,8 +61,8 @@ pub fn pixels(
     (0..count).map(|i| Pixel { surface: seen(i) }).collect()
 }
 
-/// Radiance of every node that one more scattering turns into paths of 2, 3, … edges; the last but one makes the tail up to
-/// the depth limit, the last one all beyond it.
+/// Radiance of every node that one more scattering turns into paths of 2, 3, … edges; the last but one makes the tail
+/// up to the depth limit, the last one all beyond it.
 pub fn sources(series: &Series, max_depth: u32) -> Vec<Vec<[f64; 3]>> {
     let nodes = series.terms[0].len();
     let nothing = || vec![[0.0; 3]; nodes];
@@ -104,7 +103,8 @@ pub fn radiances(pixel: &Pixel, sources: &[Vec<[f64; 3]>], patches: &Patches, ba
     radiances
 }
 
-/// Ratio of the two longest lengths that are told apart, over all pixels, by channel; 0 where no light goes on.
+/// Ratio of the two longest lengths that are distinguished, over all pixels, by channel; 0 where no light is scattered
+/// on.
 pub fn late_ratio(seen: &[Radiances]) -> [f64; 3] {
     std::array::from_fn(|c| {
         let sum = |edges: usize| seen.iter().map(|r| r[edges][c]).sum::<f64>();

@@ -1,10 +1,10 @@
 //! The discretised operator KG and its Neumann series.
 //!
-//! Unknowns are radiances at [`POINTS`] on every side of every patch, the nodes. A row is what a point sees of them: each
-//! patch's closed form factor, shared equally by the nodes of the side that faces the point, of which those count that it
-//! sees (any-hit rays of the backend). So the kernel's singularity in corners is integrated exactly, rows of closed
-//! surroundings sum to 1, and a patch that a shadow edge or another surface cuts is lit where it is lit.
-//! Limit: shadow edges are resolved to a node, so the error is of first order in the patch's side there.
+//! Unknowns are radiances at [`POINTS`] on every side of every patch, the nodes. A row is what a point sees of them:
+//! each patch's closed form factor, shared equally by the nodes of the side that faces the point, of which those count
+//! that it sees (any-hit rays of the backend). So the kernel's singularity in corners is integrated exactly, rows of
+//! closed surroundings sum to 1, and a patch that a shadow edge or another surface cuts is lit where it is lit. Limit:
+//! shadow edges are resolved to a node, so the error is of first order in the patch's side there.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -43,7 +43,7 @@ pub struct Factor {
     pub side: u32,
     /// Which of its nodes are seen: bits 0 to 2.
     pub seen: u32,
-    /// Share of the cosine-weighted hemisphere that each node stands for.
+    /// Share of the cosine-weighted hemisphere of each node.
     pub share: f64,
 }
 
@@ -91,7 +91,7 @@ pub fn row(receiver: &Receiver, patches: &Patches, backend: &dyn Backend) -> Vec
 fn aim(block: &mut RayBlock, lane: usize, receiver: &Receiver, patch: &Patch, target: DVec3) {
     let to_target = (target - receiver.p).as_vec3();
     let normal = receiver.n.as_vec3();
-    // A point below the horizon stands for the part above it: the ray leaves on the receiver's side all the same.
+    // A point below the horizon represents the part above it: the ray leaves on the receiver's side all the same.
     let away = if normal.dot(to_target) < 0.0 { -normal } else { normal };
     let origin = float::spawn_origin(receiver.p.as_vec3(), away, receiver.error, to_target);
     let segment = float::shadow_segment(origin, target.as_vec3(), patch.normal.as_vec3(), patch.error);
@@ -178,7 +178,8 @@ impl Series {
         Series { terms }
     }
 
-    /// Ratio of the energies of the last two consecutive terms that carry anything, by channel; 0 where no light goes on.
+    /// Ratio of the energies of the last two consecutive terms that carry anything, by channel; 0 where no light is
+    /// scattered on.
     pub fn ratio(&self, patches: &Patches) -> [f64; 3] {
         let powers: Vec<[f64; 3]> = self.terms.iter().map(|term| power(patches, term)).collect();
         std::array::from_fn(|c| {

@@ -1,19 +1,21 @@
-//! The surfaces of a diffuse scene as patches: every triangle is cut into m² equal parts, m such that patches have about
-//! the same area; lamps are cut finer, because shadow edges are as fine as they are. Each patch has two sides, its front
-//! (2p) and its back (2p + 1); only fronts emit. Straight from the scene's own meshes and placements, in f64.
+//! The surfaces of a diffuse scene as patches: every triangle is cut into m² equal parts, m such that patches have
+//! about the same area; lamps are cut finer, because shadow edges are as fine as they are. Each patch has two sides,
+//! its front (2p) and its back (2p + 1); only fronts emit. Straight from the scene's own meshes and placements, in f64.
 
 use glam::{DVec3, Vec3};
 
-use super::refusal;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::float;
-use crate::scene::{AlphaMode, Instance, Material, Mesh, Scene};
+use crate::scene::{Fact, Facts, Instance, Material, Mesh, Scene};
 
 /// Lamps get at least this share of the patches.
 const LAMP_SHARE: f64 = 0.1;
 
 /// Finest of the subdivisions: each triangle becomes [`FINEST`]² patches at least.
 pub const FINEST: u32 = 3;
+
+/// Number of solutions that a check makes, of fineness 1 to [`FINEST`].
+pub const SOLUTIONS: usize = FINEST as usize;
 
 /// Triangles of the largest scene.
 const MOST_TRIANGLES: u64 = 1_000;
@@ -61,8 +63,8 @@ struct Whole {
 }
 
 impl Patches {
-    /// Cuts `scene` into about `count` patches for a fineness of [`FINEST`], and into patches of `FINEST / fineness` times
-    /// the side for less.
+    /// Cuts `scene` into about `count` patches for a fineness of [`FINEST`], and into patches of `FINEST / fineness`
+    /// times the side for less.
     pub fn of(scene: &Scene, count: usize, fineness: u32) -> Result<Self> {
         check(scene)?;
         let wholes: Vec<Whole> = scene.instances.iter().flat_map(|instance| wholes(scene, instance)).collect();
@@ -129,7 +131,7 @@ impl Whole {
 /// The triangles of one placement; a mirroring one turns the winding, so that the front stays the authored one.
 fn wholes(scene: &Scene, instance: &Instance) -> Vec<Whole> {
     let mesh = &scene.meshes[instance.mesh.index()];
-    let material = &scene.materials[mesh.material.index()];
+    let material = &scene.materials[scene.material_of(instance).index()];
     let m = &instance.world_from_object;
     let mirrored = m.matrix3.determinant() < 0.0;
     let whole = |&[a, b, c]: &[u32; 3]| {
@@ -151,15 +153,20 @@ fn wholes(scene: &Scene, instance: &Instance) -> Vec<Whole> {
 
 /// Largest emission of all that is placed, by channel.
 pub fn brightest(scene: &Scene) -> [f64; 3] {
-    let material = |instance: &Instance| &scene.materials[scene.meshes[instance.mesh.index()].material.index()];
+    let material = |instance: &Instance| &scene.materials[scene.material_of(instance).index()];
     let largest = scene.instances.iter().map(|instance| material(instance).emissive).fold(Vec3::ZERO, Vec3::max);
     largest.to_array().map(f64::from)
+}
+
+/// The error that names what the solver does not know.
+pub(super) fn refusal(scene: &Scene, pointer: &str, problem: String) -> Error {
+    Error::InvalidScene { file: scene.file.clone(), pointer: pointer.into(), problem }
 }
 
 /// Refuses what the solver does not know.
 ///
 /// # Errors
-/// [`Error::InvalidScene`](crate::Error::InvalidScene) naming the material, mesh or light.
+/// [`Error::InvalidScene`] naming the material, mesh or light.
 pub fn check(scene: &Scene) -> Result<()> {
     let refuse = |pointer: String, problem: String| Err(refusal(scene, &pointer, problem));
     if scene.environment.is_some() || scene.punctual.iter().any(|light| light.intensity.max_element() > 0.0) {
@@ -168,7 +175,7 @@ pub fn check(scene: &Scene) -> Result<()> {
     let mut emits = false;
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh.index()];
-        let index = mesh.material.index();
+        let index = scene.material_of(instance).index();
         let material = &scene.materials[index];
         if let Some(why) = not_diffuse(material) {
             let problem = format!("material '{}' {why}; verify solves untextured Lambert surfaces only", material.name);
@@ -193,14 +200,17 @@ pub fn check(scene: &Scene) -> Result<()> {
 
 /// What keeps a material from being an untextured Lambert surface.
 fn not_diffuse(material: &Material) -> Option<&'static str> {
+    let facts = Facts::of(material);
     [
-        (material.unlit, "is unlit"),
-        (material.transmission > 0.0, "transmits light"),
-        (material.metallic > 0.0, "is a metal"),
-        (material.specular > 0.0, "has a specular coat (specularFactor above 0)"),
-        (material.reads_textures(), "has textures"),
-        (material.vertex_colors, "has vertex colours"),
-        (material.effective_alpha(&[]) != AlphaMode::Opaque, "is not opaque"),
+        (facts.has(Fact::Unlit), "is unlit"),
+        (facts.transmits(), "transmits light"),
+        (facts.has(Fact::Metal), "is a metal"),
+        (facts.has(Fact::Coat), "has a specular coat (specularFactor above 0)"),
+        (facts.has(Fact::Clearcoat), "has a clearcoat"),
+        (facts.has(Fact::Sheen), "has sheen"),
+        (facts.has(Fact::Textures), "has textures"),
+        (facts.has(Fact::VertexColors), "has vertex colours"),
+        (facts.has(Fact::Uncovered), "is not opaque"),
     ]
     .into_iter()
     .find_map(|(is, why)| is.then_some(why))

@@ -1,59 +1,35 @@
-//! What a film says of its own error, from nothing but the film: relMSE against the converged picture, and the standard
-//! error of the picture's mean, each with a 95 % interval.
+//! The film's estimate of its error, from the film alone: relMSE against the converged picture, and the standard error
+//! of the picture's mean, each with a 95 % interval.
 //!
 //! **Variance.** The variance v of a pixel's mean comes from its two halves and is unbiased for Sobol' points as for
 //! independent samples, because the halves are independent scrambles (`tests/suite/estimate.rs` shows what the formula
 //! for independent samples makes of Sobol' points). One degree of freedom a pixel; pictures have many pixels.
 //!
-//! **Two halves, not more.** Measured at equal samples on the shared scenes (24×24): four replicates instead of two raise
-//! relMSE by 2 to 11 % at 128 samples per pixel, for Sobol' points know nothing of each other across replicates, and
-//! double the film. The spread of the estimate falls by 10 to 35 % only, because few pixels hold most of the variance, and
-//! its bias, which is in the denominators, stays.
+//! **Two halves, not more.** Measured at equal samples on the shared scenes (24×24): four replicates instead of two
+//! raise relMSE by 2 to 11 % at 128 samples per pixel, for Sobol' points know nothing of each other across replicates,
+//! and double the film. The spread of the estimate falls by 10 to 35 % only, because few pixels hold most of the
+//! variance, and its bias, which is in the denominators, stays.
 //!
-//! **relMSE** = mean over pixels and channels of v/(R² + ε), ε = 0.01·mean(I)² (DESIGN §9). The reference R is not there;
-//! `reference` says what stands in for it, `sums` what the sums over pixels say and how far they are to be trusted.
+//! **relMSE** = mean over pixels and channels of v/(R² + ε), ε = 0.01·mean(I)² (DESIGN §9). The reference R is
+//! not there; `denominator` says what stands in for it, `moments` what the sums over pixels say and how far they are to
+//! be trusted.
 //!
 //! Limits: light that no sample has found yet is missing from picture and estimate alike. Bias has no part in it.
 
-mod reference;
-mod sums;
+mod denominator;
+mod error;
+mod moments;
 
 use rayon::prelude::*;
 
-use self::reference::{sampled_mean, sum_columns};
-use self::sums::{NORMAL_95, Sums};
-use super::Film;
+use self::denominator::{sampled_mean, sum_columns};
+use self::moments::Moments;
+use super::store::Film;
+
+pub use self::error::ErrorEstimate;
 
 /// ε of relMSE as a fraction of the squared mean of the reference (DESIGN §9).
 pub const RELMSE_EPSILON: f64 = 0.01;
-
-/// What a film says of its own error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ErrorEstimate {
-    /// Estimated relMSE.
-    pub relmse: f64,
-    /// Standard error of `relmse` from its spread over the pixels, which are independent.
-    pub relmse_stderr: f64,
-    /// Standard error of ln `relmse` for the choice of the denominators.
-    pub denominator_error: f64,
-    /// Interval that covers `relmse` with 95 %: normal in its logarithm, so that it stays positive.
-    pub interval: [f64; 2],
-    /// ε = 0.01·mean(I)², the mean over pixels and channels.
-    pub epsilon: f64,
-    /// Mean over pixels and channels of the standard error of the pixel, in units of radiance.
-    pub stderr_mean: f64,
-    /// Mean of the picture per channel, in units of radiance.
-    pub mean: [f64; 3],
-    /// Its standard error.
-    pub mean_stderr: [f64; 3],
-    /// Interval that covers the mean of the converged picture with 95 %.
-    pub mean_interval: [[f64; 2]; 3],
-    /// Share of the pixel with the largest in `relmse`.
-    pub largest_share: f64,
-    /// Whether the spread over pixels is known well enough for the intervals to keep their word: no pixel carries a tenth,
-    /// and kurtosis is below a tenth of the number of pixels.
-    pub reliable: bool,
-}
 
 impl Film {
     /// Estimates the film's error against the converged picture, on the current pool of threads; the result does not
@@ -63,15 +39,15 @@ impl Film {
         let own: Vec<[f32; 4]> = self.pixels.par_iter().map(sampled_mean).collect();
         let mean = self.mean();
         let epsilon = RELMSE_EPSILON * ((mean[0] + mean[1] + mean[2]) / 3.0).powi(2);
-        // Rows are summed each by itself, then in order: the same bits for any number of threads.
+        // Each row is summed, then the rows in order: the same bits for any number of threads.
         let rows = self.pixels.par_chunks_exact(width).enumerate().map_init(
             || vec![[0.0; 4]; width],
             |columns, (y, row)| {
                 sum_columns(&own, y, columns);
-                Sums::of_row(row, columns, epsilon)
+                Moments::of_row(row, columns, epsilon)
             },
         );
-        let mut sums = Sums::default();
+        let mut sums = Moments::default();
         for row in rows.collect::<Vec<_>>() {
             sums.add(&row);
         }
@@ -79,50 +55,14 @@ impl Film {
     }
 }
 
-impl ErrorEstimate {
-    /// 95 % interval of relMSE from the spread over pixels alone, the denominators taken as they are.
-    pub fn spread_interval(&self) -> [f64; 2] {
-        if self.relmse > 0.0 {
-            let factor = (NORMAL_95 * self.relmse_stderr / self.relmse).exp();
-            [self.relmse / factor, self.relmse * factor]
-        } else {
-            [0.0; 2]
-        }
-    }
-
-    /// Limit that the relMSE of *this* picture stays below with the confidence of `quantiles` standard deviations. Wider
-    /// than the interval of the expected relMSE: the picture's own error scatters as the estimate does, and
-    /// independently of it. The pixel with the largest share is counted twice, as if one more like it had been missed.
-    pub fn picture_limit(&self, quantiles: f64) -> f64 {
-        if self.relmse > 0.0 {
-            let scatter = std::f64::consts::SQRT_2 * self.relmse_stderr / self.relmse;
-            let missed = 1.0 + self.largest_share;
-            self.relmse * missed * (quantiles * scatter.hypot(self.denominator_error)).exp()
-        } else {
-            self.relmse
-        }
-    }
-}
-
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-    use crate::render::Crop;
+    use crate::film::noise::Pcg;
+    use crate::plan::options::Crop;
 
     fn full(width: u32, height: u32) -> Film {
         Film::new((width, height), Crop { x: 0, y: 0, width, height })
-    }
-
-    /// PCG-XSH-RR 64/32 with the increment of the reference's default stream; test noise only.
-    pub(in crate::film) struct Pcg(pub u64);
-
-    impl Pcg {
-        pub fn next(&mut self) -> f32 {
-            let old = self.0;
-            self.0 = old.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            let bits = (((old >> 18) ^ old) >> 27) as u32;
-            (bits.rotate_right((old >> 59) as u32) >> 8) as f32 / (1 << 24) as f32
-        }
     }
 
     #[test]
@@ -168,8 +108,8 @@ pub(super) mod tests {
 
     #[test]
     fn the_mean_and_its_interval_are_those_of_known_noise() {
-        // Uniform noise of width 1 around 0.5 over 4 samples: the mean of 4096 pixels has s.e. √(1/12/4/4096); its own
-        // relative spread is 1.6 % (√(2/4096)/2), limit 5 of them.
+        // Uniform noise of width 1 around 0.5 over 4 samples: the mean of 4096 pixels has s.e. √(1/12/4/4096); its
+        // own relative spread is 1.6 % (√(2/4096)/2), limit 5 of them.
         let mut random = Pcg(3);
         let mut film = full(64, 64);
         for pixel in &mut film.pixels {

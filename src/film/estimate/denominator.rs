@@ -1,17 +1,17 @@
 //! What stands in for the converged pixel R in the denominators of relMSE, from the film alone; units of radiance.
 //!
-//! The pixel's own mean is no substitute: one that caught a rare bright sample has a large v *and* a large mean, and dividing
-//! the one by the other hides exactly the error that is largest (0.1 to 0.9 of the true relMSE). The pixels around are
-//! none where lights and edges are: 0.5 to 200 times. R is therefore taken as Lee's filter (1980) takes it, between the mean p
-//! of the 5×5 pixels around and the pixel's own value h, here the harmonic mean of its halves, which a bright sample in
-//! one of them does not raise:
+//! The pixel's own mean is no substitute: one that caught a rare bright sample has a large v *and* a large mean, and
+//! dividing the one by the other hides exactly the error that is largest (0.1 to 0.9 of the true relMSE). The pixels
+//! around are none where lights and edges are: 0.5 to 200 times. R is therefore taken as Lee's filter (1980) takes it,
+//! between the mean p of the 5×5 pixels around and the pixel's own value h, here the harmonic mean of its halves,
+//! which a bright sample in one of them does not raise:
 //!
 //!   R = p + w·(h − p),  w = max(0, 1 − Σv/Σ(h − p)²), sums over the channels.
 //!
-//! Where the difference to the surroundings is noise, R is the surroundings; at an edge that stands out of the noise it is
-//! the pixel. The error of this is of second order in the noise, so that it vanishes with the samples.
+//! Where the difference to the surroundings is noise, R is the surroundings; at an edge that stands out of the noise it
+//! is the pixel. The error of this is of second order in the noise, so that it vanishes with the samples.
 
-use crate::film::Pixel;
+use crate::film::layer::beauty::Pixel;
 
 /// Pixels to each side whose mean stands in for the reference.
 const SURROUNDINGS: usize = 2;
@@ -92,7 +92,7 @@ fn plus(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
 mod tests {
     use super::*;
     use crate::film::Film;
-    use crate::render::Crop;
+    use crate::plan::options::Crop;
 
     #[test]
     fn surroundings_stop_at_the_border_and_at_pixels_without_samples() {

@@ -1,22 +1,19 @@
-//! What is summed over the pixels for the estimate of the error, and the 95 % intervals that the sums allow. Sums and their
-//! order do not depend on threads: rows by themselves, then one after the other.
+//! What is summed over the pixels for the estimate of the error, and the 95 % intervals that the sums allow. Sums and
+//! their order do not depend on threads: each row for itself, then one after the other.
 //!
 //! **Intervals.** relMSE: normal in its logarithm, with the spread over pixels, which are independent, and with
 //! [`DENOMINATOR_SHARE`] of the logarithm by which the choice of the denominators matters. Mean: Student's t with the
-//! degrees of freedom of the sum of the variances (Satterthwaite 1946), the largest of them counted twice. Both are called
-//! unreliable where one pixel has more than a tenth of the sum, or the kurtosis over pixels exceeds a tenth of their number
-//! (HARDCASES §6.2).
+//! degrees of freedom of the sum of the variances (Satterthwaite 1946), the largest of them counted twice. Both are
+//! called unreliable where one pixel has more than a tenth of the sum, or the kurtosis over pixels exceeds a tenth of
+//! their number (HARDCASES §6.2).
 
-use super::ErrorEstimate;
-use super::reference::{Halves, reference, surroundings};
-use crate::film::Pixel;
+use super::denominator::{Halves, reference, surroundings};
+use super::error::{ErrorEstimate, NORMAL_95};
+use crate::film::layer::beauty::Pixel;
 
-/// Two-sided 95 % point of the normal distribution.
-pub(super) const NORMAL_95: f64 = 1.959964;
-
-/// Standard error of ln relMSE that stands for the choice of the denominators, as a share of the logarithm of the
-/// quotient of the estimate to the one with the pixels' own means. Measured on the shared scenes: ln(true/estimate) is
-/// −0.1 to 0.4 of it; at 0.3 the intervals cover what they say (`tests/suite/estimate.rs`).
+/// Standard error of ln relMSE that covers the choice of the denominators, as a share of the logarithm of the quotient
+/// of the estimate to the one with the pixels' own means. Measured on the shared scenes: ln(true/estimate) is −0.1 to
+/// 0.4 of it; at 0.3 the intervals cover what they say (`tests/suite/estimate.rs`).
 const DENOMINATOR_SHARE: f64 = 0.3;
 
 /// Share of a sum, and of kurtosis in the number of pixels, above which an interval is called unreliable.
@@ -27,7 +24,7 @@ const MEAN_ABSOLUTE_NORMAL: f64 = 0.797_884_560_802_865_4;
 
 /// Sums over the pixels of a row, or over rows.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Sums {
+pub(super) struct Moments {
     /// Pixels with both halves.
     pub count: f64,
     /// Powers 1 to 4 of a pixel's relative variance.
@@ -45,10 +42,10 @@ pub(super) struct Sums {
     variance_largest: [f64; 3],
 }
 
-impl Sums {
+impl Moments {
     /// Sums of the pixels of one row; `columns` holds the means summed over the rows around.
     pub fn of_row(row: &[Pixel], columns: &[[f64; 4]], epsilon: f64) -> Self {
-        let mut sums = Sums::default();
+        let mut sums = Moments::default();
         for (x, pixel) in row.iter().enumerate() {
             let Some(Halves { a, b, shares }) = Halves::of(pixel) else { continue };
             let variance: [f64; 3] = std::array::from_fn(|c| (a[c] - b[c]).powi(2) * shares[0] * shares[1]);
@@ -79,7 +76,7 @@ impl Sums {
     }
 
     /// Adds the sums of other pixels.
-    pub fn add(&mut self, other: &Sums) {
+    pub fn add(&mut self, other: &Moments) {
         self.count += other.count;
         self.largest = self.largest.max(other.largest);
         self.own += other.own;
@@ -131,8 +128,8 @@ impl Sums {
         }
     }
 
-    /// Degrees of freedom of the sum of the variances of channel `c`: 2·(Σv)²/Var(Σv), the variance from the spread over
-    /// pixels.
+    /// Degrees of freedom of the sum of the variances of channel `c`: 2·(Σv)²/Var(Σv), the variance from the spread
+    /// over pixels.
     fn degrees(&self, c: usize) -> f64 {
         let (sum, square) = (self.variance[c], self.variance_square[c]);
         let spread = square - sum * sum / self.count;
@@ -140,8 +137,8 @@ impl Sums {
     }
 }
 
-/// Two-sided 95 % point of Student's t with `degrees` > 0, at least 3 taken: Fisher's expansion to the third order, within
-/// 1 % of the exact value.
+/// Two-sided 95 % point of Student's t with `degrees` > 0, at least 3 taken: Fisher's expansion to the third order,
+/// within 1 % of the exact value.
 fn student_95(degrees: f64) -> f64 {
     let (z, nu) = (NORMAL_95, degrees.max(3.0));
     let z2 = z * z;

@@ -1,0 +1,15 @@
+//! Values as a file has them: a channel, and how f64 means become f32.
+
+/// One channel of a file: a value for each pixel of the window, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    /// Full name, `variance.R`.
+    pub name: String,
+    /// Finite values.
+    pub values: Vec<f32>,
+}
+
+/// A value as it is stored: rounded to f32 and saturated.
+pub(super) fn stored(value: f64) -> f32 {
+    value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+}

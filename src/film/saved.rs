@@ -1,0 +1,328 @@
+//! A film as a file, without loss: all layers, halves and counts, to be gone on with on this machine or another.
+//!
+//! Everything is 64-bit words, little-endian: magic, version, kind, then the body, then the digest of all words before
+//! it. Text is its length in bytes and its bytes in words, the last one filled up with zeros. A film's body:
+//! resolution, window, first sample; number of planes, each with its layer's name and values a pixel; the pixels, ten
+//! words each; the values of the planes. Readers refuse another version, and files that are cut short, longer, or
+//! changed.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Write};
+use std::path::Path;
+
+use super::atomic::write_atomically;
+use super::layer::beauty::Pixel;
+use super::store::{Film, Plane, mix};
+use crate::error::{Error, Result};
+use crate::input;
+use crate::plan::aov::Aov;
+use crate::plan::options::Crop;
+
+/// The first word, as a byte string of no text encoding; it shows files that were transferred as text.
+const MAGIC: u64 = u64::from_le_bytes(*b"\x93PSF\r\n\x1a\n");
+
+/// Version of the layout.
+const VERSION: u64 = 1;
+
+/// Kind of a file that holds a film alone.
+const FILM: u64 = 1;
+
+/// Words to a file, with their digest.
+pub(crate) struct WordWriter<W> {
+    out: W,
+    digest: u64,
+}
+
+/// Words of a file, with their digest.
+pub(crate) struct WordReader<R> {
+    source: R,
+    digest: u64,
+    /// Words that are left, the last digest not counted.
+    left: u64,
+}
+
+/// What is wrong with a file.
+pub(crate) fn damaged(problem: impl Into<String>) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, problem.into())
+}
+
+/// Writes a file of `kind`, all or nothing.
+///
+/// # Errors
+/// [`Error::Io`] naming `path`.
+pub(crate) fn save(
+    path: &Path,
+    kind: u64,
+    body: impl FnOnce(&mut WordWriter<&mut dyn Write>) -> io::Result<()>,
+) -> Result<()> {
+    write_atomically(path, |writer| {
+        let mut words = WordWriter { out: writer as &mut dyn Write, digest: 0 };
+        for word in [MAGIC, VERSION, kind] {
+            words.put(word)?;
+        }
+        body(&mut words)?;
+        let digest = words.digest;
+        words.put(digest)
+    })
+}
+
+/// Reads a file of `kind`.
+///
+/// # Errors
+/// [`Error::Io`] naming `path`: it cannot be read, or is not such a file.
+pub(crate) fn restore<T>(
+    path: &Path,
+    kind: u64,
+    body: impl FnOnce(&mut WordReader<BufReader<File>>) -> io::Result<T>,
+) -> Result<T> {
+    let read = || {
+        let (file, _) = input::open(path)?;
+        let bytes = file.metadata()?.len();
+        let source = BufReader::with_capacity(1 << 20, file);
+        let mut words = WordReader { source, digest: 0, left: bytes / 8 };
+        if bytes % 8 != 0 || words.left < 4 || words.take()? != MAGIC {
+            return Err(damaged("not a saved film"));
+        }
+        words.left -= 1;
+        let version = words.take()?;
+        if version != VERSION {
+            return Err(damaged(format!("version {version} of the format; this program reads version {VERSION}")));
+        }
+        if words.take()? != kind {
+            return Err(damaged("a saved film of another kind"));
+        }
+        let value = body(&mut words)?;
+        if words.left != 0 {
+            return Err(damaged(format!("{} words more than expected", words.left)));
+        }
+        let (digest, mut last) = (words.digest, [0; 8]);
+        words.source.read_exact(&mut last)?;
+        if u64::from_le_bytes(last) != digest {
+            return Err(damaged("its digest does not fit: it was changed or damaged"));
+        }
+        Ok(value)
+    };
+    read().map_err(|source| Error::io(path, "restore", source))
+}
+
+impl<W: Write> WordWriter<W> {
+    /// Appends one word.
+    pub fn put(&mut self, word: u64) -> io::Result<()> {
+        self.digest = mix(self.digest, word);
+        self.out.write_all(&word.to_le_bytes())
+    }
+
+    /// Appends text.
+    pub fn put_text(&mut self, text: &str) -> io::Result<()> {
+        self.put(text.len() as u64)?;
+        for bytes in text.as_bytes().chunks(8) {
+            let mut word = [0; 8];
+            word[..bytes.len()].copy_from_slice(bytes);
+            self.put(u64::from_le_bytes(word))?;
+        }
+        Ok(())
+    }
+}
+
+impl<R: Read> WordReader<R> {
+    /// The next word.
+    pub fn take(&mut self) -> io::Result<u64> {
+        self.expect(1)?;
+        let mut word = [0; 8];
+        self.source.read_exact(&mut word)?;
+        self.left -= 1;
+        let word = u64::from_le_bytes(word);
+        self.digest = mix(self.digest, word);
+        Ok(word)
+    }
+
+    /// The next word as a number below 2³².
+    pub fn take_u32(&mut self) -> io::Result<u32> {
+        u32::try_from(self.take()?).map_err(|_| damaged("a number is out of range"))
+    }
+
+    /// The next text.
+    pub fn take_text(&mut self) -> io::Result<String> {
+        let length = self.take()?;
+        self.expect(length.div_ceil(8))?;
+        let mut bytes = Vec::new();
+        for _ in 0..length.div_ceil(8) {
+            bytes.extend(self.take()?.to_le_bytes());
+        }
+        bytes.truncate(length as usize);
+        String::from_utf8(bytes).map_err(|_| damaged("a text is not UTF-8"))
+    }
+
+    /// Makes sure that `words` more are there: nothing is allocated for what is not.
+    pub fn expect(&self, words: u64) -> io::Result<()> {
+        if words <= self.left { Ok(()) } else { Err(damaged("it is cut short")) }
+    }
+}
+
+impl Film {
+    /// Writes everything that the film keeps, all or nothing. [`restore`](Self::restore) gives the same film back, bit
+    /// for bit.
+    ///
+    /// ```
+    /// # use pathspace::film::Film;
+    /// # use pathspace::render::Crop;
+    /// # let folder = tempfile::tempdir().expect("a temporary folder");
+    /// # let path = folder.path().join("film");
+    /// # let film = Film::new((4, 4), Crop { x: 0, y: 0, width: 4, height: 4 });
+    /// film.save(&path)?;
+    /// assert_eq!(Film::restore(&path)?.digest(), film.digest());
+    /// # Ok::<(), pathspace::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming `path`.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        save(path.as_ref(), FILM, |words| self.write_words(words))
+    }
+
+    /// Reads what [`save`](Self::save) wrote.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming `path`: it cannot be read, is no saved film, is damaged, or has a layer that this program
+    /// does not know.
+    pub fn restore(path: impl AsRef<Path>) -> Result<Self> {
+        restore(path.as_ref(), FILM, Film::read_words)
+    }
+
+    /// The body of a saved film.
+    pub(crate) fn write_words<W: Write>(&self, words: &mut WordWriter<W>) -> io::Result<()> {
+        let window = self.window;
+        let place = [self.resolution.0, self.resolution.1, window.x, window.y, window.width, window.height];
+        for number in place {
+            words.put(number.into())?;
+        }
+        words.put(self.first_sample)?;
+        words.put(self.planes.len() as u64)?;
+        for plane in &self.planes {
+            words.put_text(plane.layer.aov.name())?;
+            words.put(plane.layer.width() as u64)?;
+        }
+        for pixel in &self.pixels {
+            for half in 0..2 {
+                for sum in pixel.sum[half] {
+                    words.put(sum.to_bits())?;
+                }
+                words.put(pixel.n[half])?;
+            }
+        }
+        for value in self.planes.iter().flat_map(|plane| &plane.values) {
+            words.put(value.to_bits())?;
+        }
+        Ok(())
+    }
+
+    /// Reads a body.
+    pub(crate) fn read_words<R: Read>(words: &mut WordReader<R>) -> io::Result<Self> {
+        let resolution = (words.take_u32()?, words.take_u32()?);
+        let [x, y, width, height] = [words.take_u32()?, words.take_u32()?, words.take_u32()?, words.take_u32()?];
+        let inside = |start: u32, size: u32, side: u32| start.checked_add(size).is_some_and(|end| end <= side);
+        if !inside(x, width, resolution.0) || !inside(y, height, resolution.1) {
+            return Err(damaged("its window does not lie inside the picture"));
+        }
+        let first_sample = words.take()?;
+        let (mut aovs, mut per_pixel) = (Vec::new(), 10);
+        for _ in 0..words.take()? {
+            let aov: Aov = words.take_text()?.parse().map_err(|problem| damaged(format!("layer {problem}")))?;
+            let width = super::layer::find(aov).width() as u64;
+            if words.take()? != width || width == 0 || aovs.contains(&aov) {
+                return Err(damaged(format!("layer '{aov}' keeps other values than here")));
+            }
+            per_pixel += width;
+            aovs.push(aov);
+        }
+        let pixels = u64::from(width) * u64::from(height);
+        words.expect(pixels.saturating_mul(per_pixel))?;
+        let mut film = Film::with_layers(resolution, Crop { x, y, width, height }, &aovs);
+        film.first_sample = first_sample;
+        if !film.planes.iter().map(|plane| plane.layer.aov).eq(aovs) {
+            return Err(damaged("its layers are in another order"));
+        }
+        for Pixel { sum, n } in &mut film.pixels {
+            for half in 0..2 {
+                for sum in &mut sum[half] {
+                    *sum = f64::from_bits(words.take()?);
+                }
+                n[half] = words.take()?;
+            }
+        }
+        for Plane { values, .. } in &mut film.planes {
+            for value in values {
+                *value = f64::from_bits(words.take()?);
+            }
+        }
+        Ok(film)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::noise::Pcg;
+
+    /// A film of every layer with noise in all of them.
+    fn film() -> Film {
+        let window = Crop { x: 3, y: 1, width: 5, height: 4 };
+        let mut film = Film::with_layers((9, 6), window, &Aov::all().collect::<Vec<_>>());
+        let mut random = Pcg(5);
+        film.first_sample = 1 << 40;
+        for pixel in &mut film.pixels {
+            for s in 0..3 {
+                pixel.add(s & 1, [random.next(), -random.next(), 0.0], 0.1, 1.0);
+            }
+        }
+        for value in film.planes.iter_mut().flat_map(|plane| &mut plane.values) {
+            *value = f64::from(random.next()) * 1e-300;
+        }
+        film
+    }
+
+    /// Oracle: what was saved. Deterministic.
+    #[test]
+    fn every_bit_comes_back() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("film");
+        let saved = film();
+        saved.save(&path).expect("a writable folder");
+        let restored = Film::restore(&path).expect("just saved");
+        assert_eq!((restored.digest(), &restored), (saved.digest(), &saved));
+        assert_eq!(saved.planes().len(), Aov::all().filter(|aov| crate::film::layer::find(*aov).width() > 0).count());
+    }
+
+    /// Every changed byte, every length but the right one, and another version are refused, with the file's name.
+    #[test]
+    fn damaged_files_are_refused() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("film");
+        let mut small = film();
+        small.window = Crop { x: 0, y: 0, width: 1, height: 1 };
+        small.pixels.truncate(1);
+        small.planes.truncate(1);
+        let width = small.planes[0].layer.width();
+        small.planes[0].values.truncate(width);
+        small.save(&path).expect("a writable folder");
+        let whole = std::fs::read(&path).expect("just saved");
+        let refused = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).expect("a writable folder");
+            let error = Film::restore(&path).expect_err("it is damaged").to_string();
+            assert!(error.contains("film") && error.contains("cannot restore"), "{error}");
+            error
+        };
+        for at in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x10;
+            refused(&bytes);
+        }
+        for length in [0, 7, 8, 24, whole.len() - 8, whole.len() - 1] {
+            refused(&whole[..length]);
+        }
+        refused(&[&whole[..], &[0; 8]].concat());
+        let mut other = whole.clone();
+        other[8] = 2;
+        assert!(refused(&other).contains("version 2"));
+    }
+}

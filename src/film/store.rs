@@ -1,0 +1,398 @@
+//! The film: one store for the beauty and every other layer, with one merge, one hash and one file (`saved.rs`).
+//!
+//! The beauty is an array of [`Pixel`]s; another layer that keeps something is a [`Plane`] of f64 values beside it, as
+//! many a pixel as the layer says. Sums count the same samples as the beauty does, so that a pixel has one count.
+
+use super::channel::{Channel, stored};
+use super::layer::beauty::Pixel;
+use super::layer::bounces::PathLengths;
+use super::layer::kind::{Layer, Values};
+use super::layer::{self, LAYERS};
+use crate::error::{Error, Result};
+use crate::plan::aov::{Aov, Gathers};
+use crate::plan::options::Crop;
+
+/// A picture being made: the pixels of the crop window, row-major.
+///
+/// ```
+/// use pathspace::film::Film;
+/// use pathspace::render::Crop;
+///
+/// let mut film = Film::new((4, 3), Crop { x: 0, y: 0, width: 4, height: 3 });
+/// // Two samples of one pixel, one in each half: radiance, filter weight, coverage.
+/// film.pixels[0].add(0, [1.0, 0.5, 0.0], 1.0, 1.0);
+/// film.pixels[0].add(1, [3.0, 0.5, 0.0], 1.0, 1.0);
+/// assert_eq!(film.pixel(0, 0).mean(), [2.0, 0.5, 0.0, 1.0]);
+/// assert_eq!((film.spp().min, film.spp().max), (0, 2));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    /// Full image: columns, rows.
+    pub resolution: (u32, u32),
+    /// The window that holds pixels.
+    pub window: Crop,
+    /// Index of every pixel's first sample.
+    pub first_sample: u64,
+    /// The beauty: `window.width × window.height` pixels.
+    pub pixels: Vec<Pixel>,
+    /// What the other layers keep.
+    pub(super) planes: Vec<Plane>,
+}
+
+/// What one layer keeps: some values for each of a number of pixels, pixel by pixel.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    /// Whose values they are.
+    pub layer: &'static Layer,
+    /// `layer.width()` values a pixel.
+    pub values: Vec<f64>,
+}
+
+/// A block of samples of some pixels, on its way into a film.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    /// The beauty.
+    pub pixels: Vec<Pixel>,
+    /// The other layers, in the order of the film.
+    pub planes: Vec<Plane>,
+}
+
+/// Samples per pixel over a film.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SppRange {
+    /// Of the pixel with the fewest.
+    pub min: u64,
+    /// Mean.
+    pub mean: f64,
+    /// Of the pixel with the most.
+    pub max: u64,
+}
+
+impl Plane {
+    /// A plane of `pixels` pixels without samples.
+    pub(super) fn new(layer: &'static Layer, pixels: usize) -> Self {
+        let one: Vec<f64> = (0..layer.width()).map(|value| layer.initial(value)).collect();
+        Plane { layer, values: one.repeat(pixels) }
+    }
+
+    /// The values of pixel `p`.
+    pub fn pixel(&self, p: usize) -> &[f64] {
+        let width = self.layer.width();
+        &self.values[p * width..][..width]
+    }
+
+    /// The same, to be changed.
+    pub fn pixel_mut(&mut self, p: usize) -> &mut [f64] {
+        let width = self.layer.width();
+        &mut self.values[p * width..][..width]
+    }
+
+    /// Adds the values of another plane's pixel to those of pixel `p`, which has `samples` so far.
+    fn merge(&mut self, p: usize, samples: u64, other: &[f64]) {
+        let once = matches!(self.layer.values, Values::Once { .. });
+        for (value, &other) in self.pixel_mut(p).iter_mut().zip(other) {
+            match once {
+                false => *value += other,
+                true if samples == 0 => *value = other,
+                true => {}
+            }
+        }
+    }
+}
+
+impl PartialEq for Plane {
+    fn eq(&self, other: &Self) -> bool {
+        self.layer.aov == other.layer.aov && self.values == other.values
+    }
+}
+
+impl Film {
+    /// An empty film that keeps the beauty alone.
+    pub fn new(resolution: (u32, u32), window: Crop) -> Self {
+        Film::with_layers(resolution, window, &[])
+    }
+
+    /// An empty film that keeps the beauty and what `aovs` need.
+    pub fn with_layers(resolution: (u32, u32), window: Crop, aovs: &[Aov]) -> Self {
+        let pixels = window.width as usize * window.height as usize;
+        let kept = LAYERS.iter().copied().filter(|layer| layer.width() > 0 && aovs.contains(&layer.aov));
+        let planes = kept.map(|layer| Plane::new(layer, pixels)).collect();
+        Film { resolution, window, first_sample: 0, pixels: vec![Pixel::default(); pixels], planes }
+    }
+
+    /// Pixel at `(x, y)` of the window.
+    pub fn pixel(&self, x: u32, y: u32) -> &Pixel {
+        &self.pixels[y as usize * self.window.width as usize + x as usize]
+    }
+
+    /// What the layers besides the beauty keep, in the order of [`LAYERS`].
+    pub fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// The same, to be changed.
+    pub fn planes_mut(&mut self) -> &mut [Plane] {
+        &mut self.planes
+    }
+
+    /// Whether `pixels` of the full image, which lie inside the window, have equally many samples.
+    pub(crate) fn is_uniform(&self, pixels: &[(u32, u32)]) -> bool {
+        let mut counts = pixels.iter().map(|&p| self.pixels[self.place(p)].samples());
+        let first = counts.next();
+        counts.all(|n| Some(n) == first)
+    }
+
+    /// Where a pixel of the full image lies in [`pixels`](Self::pixels).
+    pub(super) fn place(&self, (x, y): (u32, u32)) -> usize {
+        (y - self.window.y) as usize * self.window.width as usize + (x - self.window.x) as usize
+    }
+
+    /// The pixel of the full image that lies at `at` in [`pixels`](Self::pixels).
+    pub(super) fn pixel_of(&self, at: usize) -> (u32, u32) {
+        let (column, row) = (at % self.window.width as usize, at / self.window.width as usize);
+        (self.window.x + column as u32, self.window.y + row as u32)
+    }
+
+    /// Whether `other` has the same pixels, first sample and layers.
+    pub(crate) fn is_like(&self, other: &Film) -> bool {
+        let place = |film: &Film| (film.resolution, film.window, film.first_sample);
+        place(self) == place(other) && self.is_like_in_layers(other)
+    }
+
+    /// Whether `other` has the same layers.
+    pub(crate) fn is_like_in_layers(&self, other: &Film) -> bool {
+        self.planes.iter().map(|plane| plane.layer.aov).eq(other.planes.iter().map(|plane| plane.layer.aov))
+    }
+
+    /// A film of other pixels of the picture, without samples.
+    pub(crate) fn resized(&self, window: Crop) -> Film {
+        let pixels = window.width as usize * window.height as usize;
+        let planes = self.planes.iter().map(|plane| Plane::new(plane.layer, pixels)).collect();
+        Film { window, pixels: vec![Pixel::default(); pixels], planes, ..*self }
+    }
+
+    /// A film like this one without samples.
+    pub(super) fn blank(&self) -> Film {
+        self.resized(self.window)
+    }
+
+    /// Adds a pixel with pixel `from` of `planes` to the pixel at `at`.
+    pub(super) fn merge_pixel(&mut self, at: usize, pixel: &Pixel, planes: &[Plane], from: usize) {
+        let samples = self.pixels[at].samples();
+        for (plane, source) in self.planes.iter_mut().zip(planes) {
+            plane.merge(at, samples, source.pixel(from));
+        }
+        self.pixels[at].merge(pixel);
+    }
+
+    /// Takes all samples off the pixel at `at`.
+    pub(super) fn clear_pixel(&mut self, at: usize) {
+        self.pixels[at] = Pixel::default();
+        for plane in &mut self.planes {
+            let layer = plane.layer;
+            plane.pixel_mut(at).iter_mut().enumerate().for_each(|(value, kept)| *kept = layer.initial(value));
+        }
+    }
+
+    /// Adds the samples of `part`, a film of the same picture whose window lies inside this one's: other samples of
+    /// the same pixels, or other pixels. The order of the parts is the order of the sums: keep it fixed where bits
+    /// matter. That no sample comes twice is up to the caller.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where resolutions, windows or layers do not fit.
+    pub fn merge(&mut self, part: &Film) -> Result<()> {
+        let refused = |option, problem: &str| Err(Error::Option { option, problem: problem.into() });
+        let (outer, inner) = (self.window, part.window);
+        let fits = |start, size, from, all| start >= from && start + size <= from + all;
+        if self.resolution != part.resolution {
+            return refused("--width", "the part belongs to a picture of another size");
+        }
+        if !fits(inner.x, inner.width, outer.x, outer.width) || !fits(inner.y, inner.height, outer.y, outer.height) {
+            return refused("--crop", "the part does not lie inside the picture's window");
+        }
+        if !self.is_like_in_layers(part) {
+            return refused("--aov", "the part has other layers");
+        }
+        self.first_sample = self.first_sample.min(part.first_sample);
+        for (from, pixel) in part.pixels.iter().enumerate() {
+            let at = self.place(part.pixel_of(from));
+            self.merge_pixel(at, pixel, &part.planes, from);
+        }
+        Ok(())
+    }
+
+    /// The values of a layer, three a pixel: means, or what was met once. `None` where the film has not kept it, and
+    /// for `bounces`, which has [more](Self::path_lengths).
+    pub fn layer(&self, aov: Aov) -> Option<Vec<[f64; 3]>> {
+        let layer = layer::find(aov);
+        let (kept, pixels) = (layer.width() == 3 || layer.width() == 0, 0..self.pixels.len());
+        let values = self.values(layer).filter(|_| kept)?;
+        Some(pixels.map(|p| std::array::from_fn(|value| values(p, value))).collect())
+    }
+
+    /// The images by path length, if they were kept.
+    pub fn path_lengths(&self) -> Option<PathLengths<'_>> {
+        let plane = self.planes.iter().find(|plane| plane.layer.aov == Aov::BOUNCES)?;
+        Some(PathLengths { pixels: &self.pixels, sums: &plane.values })
+    }
+
+    /// The channels of `aovs`, for paths of at most `max_depth` edges; none for layers that the film has not kept.
+    pub fn channels(&self, aovs: &[Aov], max_depth: u32) -> Vec<Channel> {
+        let mut channels = Vec::new();
+        for layer in aovs.iter().map(|&aov| layer::find(aov)) {
+            let Some(values) = self.values(layer) else { continue };
+            for (name, value) in (layer.channels)(max_depth) {
+                let values = (0..self.pixels.len()).map(|p| stored(values(p, value))).collect();
+                channels.push(Channel { name, values });
+            }
+        }
+        channels
+    }
+
+    /// What `layer` shows of a pixel, value by value.
+    fn values(&self, layer: &'static Layer) -> Option<impl Fn(usize, usize) -> f64> {
+        let plane = self.planes.iter().find(|plane| plane.layer.aov == layer.aov);
+        if plane.is_none() && layer.aov.gathers() != Gathers::Nothing {
+            return None;
+        }
+        let kept = move |p: usize, value: usize| plane.map_or(0.0, |plane| plane.pixel(p)[value]);
+        Some(move |p: usize, value: usize| match layer.values {
+            Values::Beauty(of_pixel) => of_pixel(&self.pixels[p])[value],
+            Values::Mean(_) => kept(p, value) / self.pixels[p].samples().max(1) as f64,
+            Values::Once { .. } => kept(p, value),
+        })
+    }
+
+    /// Samples per pixel.
+    pub fn spp(&self) -> SppRange {
+        let mut range = SppRange { min: u64::MAX, mean: 0.0, max: 0 };
+        let mut total = 0u64;
+        for pixel in &self.pixels {
+            let n = pixel.samples();
+            range.min = range.min.min(n);
+            range.max = range.max.max(n);
+            total += n;
+        }
+        if self.pixels.is_empty() {
+            return SppRange::default();
+        }
+        SppRange { mean: total as f64 / self.pixels.len() as f64, ..range }
+    }
+
+    /// Mean of R, G, B and coverage over the pixels that have samples; 0 without any.
+    pub fn mean(&self) -> [f64; 4] {
+        let (mut sum, mut sampled) = ([0.0; 4], 0usize);
+        for pixel in self.pixels.iter().filter(|pixel| pixel.samples() > 0) {
+            for (sum, value) in sum.iter_mut().zip(pixel.mean()) {
+                *sum += value;
+            }
+            sampled += 1;
+        }
+        sum.map(|s| s / sampled.max(1) as f64)
+    }
+
+    /// 64-bit fingerprint of size, counts and the bits of the beauty's sums, `film_hash` of the statistics. Equal films
+    /// have equal hashes; one changed bit changes it. Not cryptographic. Other layers have no part in it: what is asked
+    /// for besides changes no bit of the picture ([`digest`](Self::digest) covers them).
+    pub fn hash(&self) -> u64 {
+        let window = [self.window.x, self.window.y, self.window.width, self.window.height];
+        let mut hash = mix(u64::from(self.resolution.0), u64::from(self.resolution.1));
+        for value in window {
+            hash = mix(hash, u64::from(value));
+        }
+        for pixel in &self.pixels {
+            for half in 0..2 {
+                for sum in pixel.sum[half] {
+                    hash = mix(hash, sum.to_bits());
+                }
+                hash = mix(hash, pixel.n[half]);
+            }
+        }
+        hash
+    }
+
+    /// [`hash`](Self::hash) of everything the film keeps: all layers by name, and the first sample.
+    pub fn digest(&self) -> u64 {
+        let mut digest = mix(self.hash(), self.first_sample);
+        for plane in &self.planes {
+            digest = plane.layer.aov.name().bytes().fold(digest, |digest, byte| mix(digest, u64::from(byte)));
+            digest = plane.values.iter().fold(digest, |digest, value| mix(digest, value.to_bits()));
+        }
+        digest
+    }
+}
+
+/// One step of a hash: a bijection of `value` for each state (Stafford's variant 13 of the SplitMix finaliser).
+pub(crate) fn mix(state: u64, value: u64) -> u64 {
+    let mut z = (state.rotate_left(5) ^ value).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A part of 2 × 2 pixels in a film of 5 × 4, with a layer of each kind.
+    fn parts() -> (Film, Film) {
+        let aovs = [Aov::BOUNCES, Aov::ALBEDO, Aov::DEPTH, Aov::SPP];
+        let film = Film::with_layers((16, 9), Crop { x: 4, y: 2, width: 5, height: 4 }, &aovs);
+        let mut part = Film::with_layers((16, 9), Crop { x: 7, y: 4, width: 2, height: 2 }, &aovs);
+        for (i, pixel) in part.pixels.iter_mut().enumerate() {
+            pixel.add(0, [i as f32, 1.0, 1.0], 1.0, 0.5);
+            for plane in &mut part.planes {
+                plane.pixel_mut(i)[0] = i as f64;
+            }
+        }
+        (film, part)
+    }
+
+    #[test]
+    fn parts_merge_into_their_place_and_change_the_hash() {
+        let (mut film, part) = parts();
+        let empty = film.hash();
+        film.merge(&part).expect("a part");
+        film.merge(&part).expect("a part");
+        assert_eq!(film.pixel(4, 3).sum[0], [6.0, 2.0, 2.0, 1.0]);
+        assert_eq!(film.pixel(3, 2).n, [2, 0]);
+        assert_eq!(film.spp(), SppRange { min: 0, mean: 0.4, max: 2 });
+        // Sums add up, what is met once stays; pixels without samples keep what they begin with.
+        let last = film.pixels.len() - 1;
+        assert_eq!(film.layer(Aov::ALBEDO).expect("kept")[last], [3.0, 0.0, 0.0]);
+        assert_eq!(film.layer(Aov::DEPTH).expect("kept")[last][0], 3.0);
+        assert_eq!(film.layer(Aov::DEPTH).expect("kept")[0][0], f64::from(f32::MAX));
+        assert_eq!(film.path_lengths().expect("kept").image(0)[last], [3.0, 0.0, 0.0]);
+        assert_eq!((film.layer(Aov::NORMAL), film.layer(Aov::BOUNCES)), (None, None));
+        // One bit of one sum shows in the hash, and so does the place of the window.
+        let hash = film.hash();
+        assert_ne!(hash, empty);
+        let mut other = film.clone();
+        other.pixels[13].sum[0][2] = f64::from_bits(other.pixels[13].sum[0][2].to_bits() ^ 1);
+        assert_ne!(other.hash(), hash);
+        other = film.clone();
+        other.window.x = 5;
+        assert_ne!(other.hash(), hash);
+        // The digest covers every layer, the hash the beauty alone.
+        let mut other = film.clone();
+        other.planes[1].values[7] = 1.0;
+        assert_eq!(other.hash(), hash);
+        assert_ne!(other.digest(), film.digest());
+        // The mean is that of the pixels that have samples.
+        assert_eq!(film.mean(), [1.5, 1.0, 1.0, 0.5]);
+    }
+
+    #[test]
+    fn parts_that_do_not_fit_are_refused() {
+        let (mut film, part) = parts();
+        let with = |change: &dyn Fn(&mut Film)| {
+            let mut part = part.clone();
+            change(&mut part);
+            part
+        };
+        assert!(film.merge(&with(&|part| part.resolution.0 = 17)).is_err());
+        assert!(film.merge(&with(&|part| part.window.x = 8)).is_err());
+        assert!(film.merge(&with(&|part| drop(part.planes.pop()))).is_err());
+        assert_eq!(film.spp().max, 0);
+    }
+}
