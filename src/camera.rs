@@ -1,13 +1,14 @@
 //! Camera rays: pinhole, thin lens and parallel projection.
 //!
-//! Film coordinates are continuous pixels of the full image, x to the right, y down; the pixel (i, j) is [i, i+1) × [j, j+1).
-//! The camera looks along its local −Z with +Y up (glTF). Rays carry plain radiance: a pixel is the mean radiance over
-//! the pixel filter and the aperture, without the cos⁴ and lens-area weights of an irradiance meter (HARDCASES M03 and M04
-//! therefore do not apply). A lens is a disk around the eye; the plane in focus is perpendicular to the view axis.
+//! Film coordinates are continuous pixels of the full image, x to the right, y down; the pixel (i, j) is [i, i+1) ×
+//! [j, j+1). The camera looks along its local −Z with +Y up (glTF). Rays carry plain radiance: a pixel is the mean
+//! radiance over the pixel filter and the aperture, without the cos⁴ and lens-area weights of an irradiance meter
+//! (HARDCASES M03 and M04 therefore do not apply). A lens is a disk around the eye; the plane in focus is perpendicular
+//! to the view axis.
 //!
 //! The image never stretches: when its shape is not the authored one, a wider image keeps the vertical field and a
-//! narrower one the horizontal field (glTF 2.0 §5.13, FEATURES §3.5). Everything is resolved in f64 once; a ray is a few
-//! multiply-adds.
+//! narrower one the horizontal field (glTF 2.0 §5.13, FEATURES §3.5). Everything is resolved in f64 once; a ray is a
+//! few multiply-adds.
 
 use std::path::PathBuf;
 
@@ -54,9 +55,9 @@ impl CameraRays {
     /// Resolves `camera` for an image of `resolution` columns and rows.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] for a field of view outside (0, π), magnifications and aspect ratios that are not positive and
-    /// finite, or a placement that is not rigid; [`Error::Option`] for an empty image, a lens without radius or
-    /// focus, or a lens on a parallel projection.
+    /// [`Error::InvalidScene`] for a field of view outside (0, π), magnifications and aspect ratios that are not
+    /// positive and finite, or a placement that is not rigid; [`Error::Option`] for an empty image, a lens without
+    /// radius or focus, or a lens on a parallel projection.
     pub fn new(camera: &Camera, resolution: (u32, u32), lens: Option<Lens>) -> Result<Self> {
         check_resolution(resolution)?;
         let shape = f64::from(resolution.0) / f64::from(resolution.1);
@@ -93,8 +94,8 @@ impl CameraRays {
         })
     }
 
-    /// This camera on its way to `other`, which differs in its placement alone: what rays are made of goes along straight lines, as the
-    /// elements of the placement do. The matrices of the picture stay this one's.
+    /// This camera on its way to `other`, which differs in its placement alone: what rays are made of goes along
+    /// straight lines, as the elements of the placement do. The matrices of the picture stay this one's.
     #[inline(always)]
     pub fn towards(&self, other: &CameraRays, fraction: f32) -> CameraRays {
         let mix = |a: Vec3, b: Vec3| a + (b - a) * fraction;
@@ -111,11 +112,16 @@ impl CameraRays {
         }
     }
 
-    /// Where camera rays begin, metres along them: closer than this an f32 origin cannot tell one side of a surface from the
-    /// other. A camera that stands exactly on a surface does not see that surface.
+    /// Where camera rays begin, metres along them: closer than this an f32 origin cannot tell one side of a surface
+    /// from the other. A camera that stands exactly on a surface does not see that surface.
     #[inline(always)]
     pub fn near(&self) -> f32 {
         self.near
+    }
+
+    /// Where it stands; the middle of the lens, and of the film of parallel rays.
+    pub fn position(&self) -> Vec3 {
+        self.eye
     }
 
     /// The cone of rays through a pixel: its width at the camera (metres) and its widening per metre.
@@ -129,8 +135,8 @@ impl CameraRays {
         self.has_lens
     }
 
-    /// Origin and unit direction of the ray through a film point and a point of the lens (a unit square). A pinhole is a
-    /// lens of radius 0, bit for bit; only parallel rays know no lens.
+    /// Origin and unit direction of the ray through a film point and a point of the lens (a unit square). A pinhole is
+    /// a lens of radius 0, bit for bit; only parallel rays know no lens.
     #[inline(always)]
     pub fn ray(&self, film_x: f32, film_y: f32, lens_uv: [f32; 2]) -> (Vec3, Vec3) {
         if self.parallel { self.pinhole_ray(film_x, film_y) } else { self.lens_ray(film_x, film_y, lens_uv) }
@@ -162,14 +168,15 @@ impl CameraRays {
         (p - self.eye).dot(self.forward)
     }
 
-    /// World to camera as the EXR attribute `worldToCamera` wants it: RenderMan's left-handed space (x right, y up, z along the
-    /// view), row-major for row vectors. `origin` is [`Scene::origin`](crate::scene::Scene::origin).
+    /// World to camera as the EXR attribute `worldToCamera` wants it: RenderMan's left-handed space (x right, y up, z
+    /// along the view), row-major for row vectors. `origin` is [`Scene::origin`](crate::scene::Scene::origin).
     pub fn world_to_camera(&self, origin: DVec3) -> [f32; 16] {
         row_vectors(self.camera_from_world(origin))
     }
 
-    /// World to the EXR attribute `worldToNDC`: (0,0) is the upper left and (1,1) the lower right corner of the image. Row-major
-    /// for row vectors. The z it gives, which readers discard, is 1 − 1/distance (perspective) or the distance.
+    /// World to the EXR attribute `worldToNDC`: (0,0) is the upper left and (1,1) the lower right corner of the image.
+    /// Row-major for row vectors. The z it gives, which readers discard, is 1 − 1/distance (perspective) or the
+    /// distance.
     pub fn world_to_ndc(&self, origin: DVec3) -> [f32; 16] {
         let (x, y) = (0.5 / self.half_size.0, -0.5 / self.half_size.1);
         let ndc_from_camera = if self.parallel {
@@ -239,7 +246,8 @@ fn half_size(camera: &Camera, shape: f64) -> Result<((f64, f64), bool)> {
     Ok((size, parallel))
 }
 
-/// Refuses placements that would stretch or skew the view. The bound is what rounding a rotation to f32 can do, times 100.
+/// Refuses placements that would stretch or skew the view. The bound is what rounding a rotation to f32 can do, times
+/// 100.
 fn check_placement(camera: &Camera) -> Result<()> {
     let m = as_daffine(camera);
     let gram = m.matrix3.transpose() * m.matrix3;

@@ -1,18 +1,23 @@
 //! The ledger of biases: everything that makes the expected picture differ from the true one. The plan lists what it
 //! knows before the first ray, with a bound where scene and options give one; the statistics add what was measured.
 //!
-//! The depth limit M cuts the Neumann series after paths of M edges, that is M − 1 scatterings. Each scattering takes at most
-//! the largest reflectance ρ, so the radiance that is missing anywhere is at most ρ^M·L with L = Le/(1 − ρ) the largest
-//! radiance there can be (HARDCASES P12). There is no such L where a surface may reflect everything (ρ = 1: metals, coats
-//! and glass at grazing angles) or beside a point light.
+//! The depth limit M cuts the Neumann series after paths of M edges, that is M − 1 scatterings. Each scattering takes
+//! at most the largest reflectance ρ, so the radiance that is missing anywhere is at most ρ^M·L with L = Le/(1 −
+//! ρ) the largest radiance there can be (HARDCASES P12). There is no such L where a surface may reflect everything (ρ
+//! = 1: metals, coats and glass at grazing angles) or beside a point light.
 
 use serde::Serialize;
 
-use super::options::{RenderOptions, Strategy};
-use crate::scene::{Material, PunctualKind, Scene};
+use super::effects::asked::{Asked, Placed};
+use super::effects::table::Features;
+use crate::plain::one_line;
+use crate::scene::geometry::Solid;
+use crate::scene::material::facts::MIRROR_ROUGHNESS;
+use crate::scene::{Fact, Facts, Material, Projection, PunctualKind, PunctualLight, Scene};
 
 /// Something that makes the expected image differ from the true one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Bias {
     /// Name, with its parameter: "max-depth 64".
     pub what: String,
@@ -35,42 +40,144 @@ impl Bias {
 /// Largest index of refraction of a solid dielectric that is simulated as it is; see `shading::bsdf::dielectric`.
 const LARGEST_INDEX: f32 = 16.0;
 
-/// Roughness (√alpha) below which a lobe is a mirror; see `shading::bsdf::microfacet`.
-const MIRROR_ROUGHNESS: f32 = 0.01;
+/// What is approximated of a material: one rule each, which tells it of a material that it applies to.
+const APPROXIMATIONS: [fn(&Material, &Facts) -> Option<String>; 5] = [
+    |material, facts| {
+        let clear = facts.has(Fact::Solid) || facts.has(Fact::Thin);
+        let off = clear && !(1.0..=LARGEST_INDEX).contains(&material.ior);
+        off.then(|| {
+            format!("index of refraction {} of '{}' taken as {LARGEST_INDEX}", material.ior, one_line(&material.name))
+        })
+    },
+    |material, facts| {
+        let off = facts.has(Fact::Mirror) && material.roughness > 0.0 && material.roughness < MIRROR_ROUGHNESS;
+        off.then(|| format!("roughness {} of '{}' taken as 0", material.roughness, one_line(&material.name)))
+    },
+    |material, _| {
+        let off = material.sheen_color.max_element() > 0.0 && material.sheen_roughness < MIRROR_ROUGHNESS;
+        let what = || format!("sheen of roughness {} of '{}'", material.sheen_roughness, one_line(&material.name));
+        off.then(|| format!("{} left out: it is seen at the horizon alone", what()))
+    },
+    |material, facts| {
+        let off = facts.has(Fact::Translucent) && material.thickness > 0.0;
+        let name = || one_line(&material.name);
+        off.then(|| format!("volume below the diffuse base of '{}' not entered: light passes at a point", name()))
+    },
+    |material, facts| {
+        let off = facts.has(Fact::Clearcoat) && facts.has(Fact::Emits);
+        off.then(|| format!("emission of '{}' not darkened by its clearcoat", one_line(&material.name)))
+    },
+];
 
 /// What is known to bias a render of `scene` under `options`, the depth limit first.
-pub(super) fn ledger(scene: &Scene, options: &RenderOptions, footprints: bool) -> Vec<Bias> {
-    let mut ledger = vec![depth_limit(scene, options.max_depth)];
-    if options.strategy == Strategy::BsdfOnly && scene.punctual.iter().any(|l| l.intensity.max_element() > 0.0) {
+pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
+    let Asked { scene, options, .. } = *asked;
+    let mut ledger = vec![depth_limit(asked)];
+    if !options.strategy.techniques.light && scene.punctual.iter().any(|l| l.intensity.max_element() > 0.0) {
         ledger.push(Bias::unmeasured("strategy bsdf: punctual lights are not found"));
     }
     if !options.robust {
         ledger.push(Bias::unmeasured("robust off: rays slip between triangles"));
     }
-    if footprints {
+    ledger.extend(unfound(asked, features).map(Bias::unmeasured));
+    if asked.geometry.coincident.crowded() {
+        ledger.push(Bias::unmeasured(
+            "coincident faces: in crowded planes not all are known; which of them is met is open",
+        ));
+    }
+    if features.media {
+        ledger.extend(unclear_media(asked).into_iter().map(Bias::unmeasured));
+    }
+    if features.footprints {
         ledger.push(Bias::unmeasured("texture-filter trilinear: textures are averaged over the width of paths"));
     }
     if let Some(off) = &scene.motion.off {
         let what = format!(
             "shutter: motion is taken as straight in parts; '{}' is off by up to {:.1e} m",
-            off.name, off.distance_m
+            one_line(&off.name),
+            off.distance_m
         );
         ledger.push(Bias::unmeasured(what));
     }
-    for material in placed(scene).filter(|material| !material.unlit && material.transmission > 0.0) {
-        if !(1.0..=LARGEST_INDEX).contains(&material.ior) {
-            let what = format!("index of refraction {} of '{}' taken as {LARGEST_INDEX}", material.ior, material.name);
+    for rule in APPROXIMATIONS {
+        for what in placed(scene).filter_map(|material| rule(material, &Facts::of(material))) {
             push_once(&mut ledger, what);
         }
     }
-    for material in
-        placed(scene).filter(|material| !material.unlit && material.reflectance_bound().max_element() >= 1.0)
-    {
-        if material.roughness > 0.0 && material.roughness < MIRROR_ROUGHNESS {
-            push_once(&mut ledger, format!("roughness {} of '{}' taken as 0", material.roughness, material.name));
+    ledger
+}
+
+/// Punctual light on paths that no technique finds: a light without extent is not met by chance, and light samples do
+/// not bend at mirrors and smooth glass.
+fn unfound(asked: &Asked, features: &Features) -> Option<String> {
+    // Light goes straight through boundaries between equal indices, and light samples with it.
+    let straight = |placed: &Placed| placed.facts.has(Fact::Clear) && !features.nested && placed.material.ior == 1.0;
+    let shines = |light: &&PunctualLight| light.intensity.max_element() > 0.0;
+    let lights: Vec<&str> = asked.scene.punctual.iter().filter(shines).map(|light| light.name.as_str()).collect();
+    let smooth = |placed: &&Placed| placed.facts.has(Fact::Mirror) && !straight(placed);
+    let mut casters: Vec<&str> = Vec::new();
+    for placed in asked.placed.iter().filter(smooth) {
+        let name = placed.material.name.as_str();
+        if !casters.contains(&name) {
+            casters.push(name);
         }
     }
-    ledger
+    let wanted = asked.options.strategy.techniques.light && !lights.is_empty() && !casters.is_empty();
+    let what = || {
+        format!(
+            "light of {} by way of smooth reflection or transmission at {} is found by no technique",
+            quoted(&lights),
+            quoted(&casters)
+        )
+    };
+    wanted.then(what)
+}
+
+/// Names for people: three at most.
+fn quoted(names: &[&str]) -> String {
+    let mut list = names.iter().take(3).map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    if names.len() > 3 {
+        list += &format!(" and {} more", names.len() - 3);
+    }
+    list
+}
+
+/// What is not known of the solids around the camera, and of solids that have no certain inside.
+fn unclear_media(asked: &Asked) -> Vec<String> {
+    let Asked { scene, geometry, options, .. } = asked;
+    let name = |solid: &Solid| scene.materials[solid.material as usize].name.as_str();
+    let mut found = Vec::new();
+    let mut open: Vec<&str> = geometry.solids.list().iter().filter(|solid| !solid.closed).map(name).collect();
+    open.dedup();
+    if !open.is_empty() {
+        found.push(format!(
+            "meshes of {} have a volume and are not closed: a path that enters one is in it until it meets a back face \
+             of it",
+            quoted(&open)
+        ));
+    }
+    let camera = &scene.cameras[asked.camera];
+    let unclear = geometry.solids_around(camera.position()).1;
+    if let Some(&first) = unclear.first() {
+        let solid = &geometry.solids.list()[first as usize];
+        found.push(format!("whether the camera is within '{}' is not clear: it is taken as outside", name(solid)));
+    }
+    let reach = match camera.projection {
+        Projection::Orthographic { xmag_m, ymag_m } => xmag_m.hypot(ymag_m),
+        _ => options.lens.map_or(0.0, |lens| lens.radius_m),
+    };
+    let near = |solid: &&Solid| {
+        let (low, high) = solid.bounds;
+        let nearest = camera.position().clamp(low, high);
+        nearest.distance(camera.position()) < reach
+    };
+    if let Some(solid) = geometry.solids.list().iter().find(near) {
+        found.push(format!(
+            "all camera rays begin in the media of the camera's centre; '{}' is as near as they start",
+            name(solid)
+        ));
+    }
+    found
 }
 
 fn push_once(ledger: &mut Vec<Bias>, what: String) {
@@ -79,9 +186,12 @@ fn push_once(ledger: &mut Vec<Bias>, what: String) {
     }
 }
 
-fn depth_limit(scene: &Scene, max_depth: u32) -> Bias {
-    let rho = largest_reflectance(scene);
+fn depth_limit(Asked { scene, options, .. }: &Asked) -> Bias {
+    let max_depth = options.max_depth;
+    let fog = options.fog.map_or(0.0, |fog| f64::from(fog.albedo));
+    let rho = largest_reflectance(scene).map(|rho| rho.max(fog));
     let lost = radiance_bound(scene)
+        .filter(|_| options.fog.is_none())
         .map(|l| (0..3).map(|c| l[c] * rho[c].powi(max_depth as i32)).fold(0.0, f64::max))
         .filter(|lost| lost.is_finite());
     Bias { radiance_removed_at_most: lost, ..Bias::unmeasured(format!("max-depth {max_depth}")) }
@@ -89,16 +199,17 @@ fn depth_limit(scene: &Scene, max_depth: u32) -> Bias {
 
 /// Materials of everything that is placed.
 fn placed(scene: &Scene) -> impl Iterator<Item = &Material> {
-    scene.instances.iter().map(|instance| &scene.materials[scene.meshes[instance.mesh.index()].material.index()])
+    scene.instances.iter().map(|instance| &scene.materials[scene.material_of(instance).index()])
 }
 
 fn largest_reflectance(scene: &Scene) -> [f64; 3] {
-    let largest = placed(scene).map(Material::reflectance_bound).fold(glam::Vec3::ZERO, glam::Vec3::max);
+    let bounds = placed(scene).map(|material| Facts::of(material).reflectance_bound);
+    let largest = bounds.fold(glam::Vec3::ZERO, glam::Vec3::max);
     largest.to_array().map(f64::from)
 }
 
-/// Largest radiance that can arrive anywhere, by channel, W·sr⁻¹·m⁻²: emission over 1 − ρ. Directional lights count with
-/// what a surface makes of them, E·ρ/π. `None` where nothing bounds it.
+/// Largest radiance that can arrive anywhere, by channel, W·sr⁻¹·m⁻²: emission over 1 − ρ. Directional
+/// lights count with what a surface makes of them, E·ρ/π. `None` where nothing bounds it.
 pub fn radiance_bound(scene: &Scene) -> Option<[f64; 3]> {
     let rho = largest_reflectance(scene);
     let mut emitted = placed(scene)

@@ -1,9 +1,25 @@
-//! What a render can be told: plain values, read once by [`RenderPlan`](super::RenderPlan). Nothing below the plan sees them.
+//! What a render can be told: plain values, read once by [`RenderPlan`](super::RenderPlan). Nothing below the plan sees
+//! them.
 
+use std::fmt;
 use std::time::Duration;
 
-use super::effects::Gate;
+use super::aov::Aov;
+use crate::backend::select::Pins;
 use crate::backend::{BackendKind, QueryMode};
+use crate::setters::setters;
+
+/// A stage, or a part of one, that can be made to run although nothing calls for it: for tests that it changes nothing,
+/// and for counts of what it would cost. The constants are those of the table of effects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Gate(pub(super) &'static str);
+
+impl Gate {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        self.0
+    }
+}
 
 /// The filters of `--filter`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,8 +34,8 @@ pub enum FilterKind {
     BlackmanHarris,
     /// Mitchell-Netravali (1/3, 1/3), radius 2; has negative lobes, weights are signed.
     Mitchell,
-    /// No filter: one ray through the pixel's centre. What `verify` compares; not on the command line, because its pictures
-    /// alias.
+    /// No filter: one ray through the pixel's centre. What `verify` compares; not on the command line, because its
+    /// pictures alias.
     Point,
 }
 
@@ -30,27 +46,6 @@ pub enum SamplerKind {
     Sobol,
     /// Independent uniform numbers.
     Independent,
-}
-
-/// Extra outputs of `--aov`; `film::aov` makes their channels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Aov {
-    /// Estimated variance of each pixel's mean.
-    Variance,
-    /// Its square root.
-    Stderr,
-    /// Samples of each pixel.
-    Spp,
-    /// One image per number of scatterings.
-    Bounces,
-    /// Base colour of what is met first.
-    Albedo,
-    /// Shading normal there, in the world.
-    Normal,
-    /// Distance along the view axis to it, metres.
-    Depth,
-    /// World position of it, metres.
-    Position,
 }
 
 /// Rectangle of pixels inside the full image, in pixels from its top left corner.
@@ -77,17 +72,72 @@ pub enum CameraChoice {
     Name(String),
 }
 
-/// How light sampling and BSDF sampling are combined.
+/// How the techniques of a path are weighted against each other (multiple importance sampling).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Heuristic {
+    /// Power heuristic with exponent 2 (Veach 1997, §9.2.4).
+    #[default]
+    Power,
+    /// Balance heuristic.
+    Balance,
+}
+
+/// The techniques that find light. One that is off neither draws directions for it nor takes part in the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Strategy {
-    /// Both, weighted by the power heuristic with exponent 2 (Veach 1997, §9.2.4).
-    MisPower,
-    /// Both, weighted by the balance heuristic.
-    MisBalance,
-    /// Emitters are found by BSDF sampling alone (punctual lights, which it cannot find, contribute nothing).
-    BsdfOnly,
-    /// Emitters are found by light sampling alone, wherever it can find them (not through a mirror).
-    LightOnly,
+pub struct Techniques {
+    /// Emission that rays drawn from the BSDF meet. Without it such emission counts only where light sampling cannot
+    /// find it: seen directly, or through a mirror.
+    pub bsdf: bool,
+    /// Directions drawn from the lights. Without it punctual lights contribute nothing.
+    pub light: bool,
+}
+
+impl Techniques {
+    /// Every technique.
+    pub const ALL: Techniques = Techniques { bsdf: true, light: true };
+}
+
+/// How light is found: which techniques, and the heuristic that weighs them where more than one finds the same path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Strategy {
+    /// Weights of the techniques.
+    pub heuristic: Heuristic,
+    /// Techniques that take part.
+    pub techniques: Techniques,
+}
+
+impl Strategy {
+    /// All techniques, by the power heuristic.
+    pub const MIS: Strategy = Strategy { heuristic: Heuristic::Power, techniques: Techniques::ALL };
+    /// All techniques, by the balance heuristic.
+    pub const MIS_BALANCE: Strategy = Strategy { heuristic: Heuristic::Balance, techniques: Techniques::ALL };
+    /// BSDF sampling alone.
+    pub const BSDF: Strategy = Strategy { techniques: Techniques { bsdf: true, light: false }, ..Strategy::MIS };
+    /// Light sampling alone, wherever it can find a light.
+    pub const LIGHT: Strategy = Strategy { techniques: Techniques { bsdf: false, light: true }, ..Strategy::MIS };
+
+    /// Spelling on the command line.
+    pub fn name(self) -> &'static str {
+        match (self.techniques, self.heuristic) {
+            (Techniques { bsdf: true, light: true }, Heuristic::Power) => "mis",
+            (Techniques { bsdf: true, light: true }, Heuristic::Balance) => "mis-balance",
+            (Techniques { bsdf: true, light: false }, _) => "bsdf",
+            (Techniques { bsdf: false, light: true }, _) => "light",
+            (Techniques { bsdf: false, light: false }, _) => "none",
+        }
+    }
+}
+
+impl Default for Strategy {
+    fn default() -> Self {
+        Strategy::MIS
+    }
+}
+
+impl fmt::Display for Strategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
 /// How textures are looked up.
@@ -121,6 +171,17 @@ pub enum Roulette {
     Constant(f32),
 }
 
+/// A homogeneous medium that fills the sphere around the scene and the camera, where no solid is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fog {
+    /// Attenuation, m⁻¹, > 0.
+    pub sigma_t: f32,
+    /// Share of it that scatters, in [0, 1].
+    pub albedo: f32,
+    /// Mean cosine of scattering, in (−1, 1).
+    pub g: f32,
+}
+
 /// A finite aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
@@ -133,8 +194,17 @@ pub struct Lens {
 /// Default of [`RenderOptions::roulette_start`]: paths that carry much survive by the rule itself.
 pub const ROULETTE_START: u32 = 1;
 
-/// Everything a render can be told. `Default` is what the command line does without flags.
+/// Everything a render can be told. `Default` is what the command line does without flags. Fields are read and set
+/// directly or, in a chain, by the method of the same name.
+///
+/// ```
+/// use pathspace::{RenderOptions, SamplerKind, Strategy};
+/// let options = RenderOptions::new(640, 480).spp(256).seed(7).sampler(SamplerKind::Independent);
+/// let light = options.clone().strategy(Strategy::LIGHT).max_depth(2);
+/// assert_eq!((options.max_depth, light.max_depth), (64, 2));
+/// ```
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct RenderOptions {
     /// Columns of the full image.
     pub width: u32,
@@ -154,13 +224,15 @@ pub struct RenderOptions {
     pub camera: CameraChoice,
     /// Seed of every random number.
     pub seed: u64,
-    /// Index of every pixel's first sample: renders with one seed that cover different ranges of samples add up to the render
-    /// of all of them.
+    /// Index of every pixel's first sample: renders with one seed that cover different ranges of samples add up to the
+    /// render of all of them.
     pub sample_start: u64,
     /// Worker threads; 0 means all that the process may use.
     pub threads: usize,
     /// Finite aperture, if any.
     pub lens: Option<Lens>,
+    /// A medium that fills the scene, if any.
+    pub fog: Option<Fog>,
     /// Pixel filter.
     pub filter: FilterKind,
     /// Largest number of path edges (1 is directly seen emission).
@@ -169,24 +241,24 @@ pub struct RenderOptions {
     pub roulette: Roulette,
     /// First path vertex (1 is the first surface) at which [`Roulette::On`] may end a path.
     pub roulette_start: u32,
-    /// MIS or one of the single strategies.
+    /// How light is found.
     pub strategy: Strategy,
     /// Where the random numbers come from.
     pub sampler: SamplerKind,
     /// How textures are looked up.
     pub texture_filter: TextureFilter,
-    /// Ray backend; `None` takes the fastest of this build for the scene ([`BackendKind::fastest`]), or the first of
-    /// [`BackendKind::available`] if `rays`, `isa` or `robust` ask for something that only Embree has.
+    /// Ray backend; `None` takes the fastest of this build for the scene ([`select`](crate::backend::select)). `rays`,
+    /// `isa` and `robust` do not change it: where it cannot honour one of them, the plan refuses.
     pub backend: Option<BackendKind>,
-    /// Query mode for every ray class; `None` lets the plan choose.
+    /// Query mode to pin for every ray class; `None` lets the plan choose.
     pub rays: Option<QueryMode>,
     /// Instruction set to pin.
     pub isa: Option<String>,
     /// Robust traversal. Off only as a measured choice: Embree then loses rays between triangles.
     pub robust: bool,
-    /// Whether one film per path length is kept; `Aov::Bounces` asks for it too.
+    /// Whether one film per path length is kept; [`Aov::BOUNCES`] asks for it too.
     pub per_length: bool,
-    /// Extra outputs.
+    /// Layers besides the beauty.
     pub aovs: Vec<Aov>,
     /// Stages that run although nothing calls for them; the picture stays the same. For tests and benches.
     pub forced: Vec<Gate>,
@@ -207,11 +279,12 @@ impl Default for RenderOptions {
             sample_start: 0,
             threads: 0,
             lens: None,
+            fog: None,
             filter: FilterKind::BlackmanHarris,
             max_depth: 64,
             roulette: Roulette::On,
             roulette_start: ROULETTE_START,
-            strategy: Strategy::MisPower,
+            strategy: Strategy::MIS,
             sampler: SamplerKind::Sobol,
             texture_filter: TextureFilter::Exact,
             backend: None,
@@ -231,9 +304,52 @@ impl RenderOptions {
         RenderOptions { width, height, ..Default::default() }
     }
 
+    /// Sets columns and rows of the full image.
+    pub fn size(mut self, width: u32, height: u32) -> Self {
+        (self.width, self.height) = (width, height);
+        self
+    }
+
+    /// What the backend is held to.
+    pub fn pins(&self) -> Pins<'_> {
+        Pins { rays: self.rays, isa: self.isa.as_deref(), robust: self.robust }
+    }
+
     /// Sets the number of samples per pixel.
     pub fn spp(mut self, spp: u64) -> Self {
         self.spp = Some(spp);
         self
+    }
+
+    /// Pins an instruction set by its name, or none.
+    pub fn isa<'n>(mut self, isa: impl Into<Option<&'n str>>) -> Self {
+        self.isa = isa.into().map(String::from);
+        self
+    }
+
+    setters! {
+        crop: into Option<Crop>,
+        time: into Option<Duration>,
+        error: into Option<f64>,
+        min_spp: = u64,
+        camera: = CameraChoice,
+        seed: = u64,
+        sample_start: = u64,
+        threads: = usize,
+        lens: into Option<Lens>,
+        fog: into Option<Fog>,
+        filter: = FilterKind,
+        max_depth: = u32,
+        roulette: = Roulette,
+        roulette_start: = u32,
+        strategy: = Strategy,
+        sampler: = SamplerKind,
+        texture_filter: = TextureFilter,
+        backend: into Option<BackendKind>,
+        rays: into Option<QueryMode>,
+        robust: = bool,
+        per_length: = bool,
+        aovs: into Vec<Aov>,
+        forced: into Vec<Gate>,
     }
 }

@@ -1,38 +1,67 @@
-//! The library's front door: a scene and options in, a film and statistics out. Runs passes of samples over tiles on a
-//! pool of its own, calls back between passes, and stops when the first of the limits is met.
+//! The library's front door: a scene and options in, a film and statistics out. Runs passes of samples over tiles on
+//! its own thread pool, calls back between passes, and stops when the first of the limits is met.
 //!
-//! This page is the loop over passes; each noun in it is a file: the [`Renderer`] is a scene made ready, `workers` run a
-//! pass over the `tile`s, `schedule` says how long the next one is, `looks` what is known of the error, [`target`] when
-//! that is little enough, and `outcome` holds what is told meanwhile and at the end. Imports run
-//! outcome, target, tile, renderer ← schedule, looks, workers ← this page.
+//! This page is the loop over passes; each noun in it is a file: the [`Renderer`] is a scene made ready, `workers` run
+//! a pass over the `tile`s, `schedule` says where the next one ends, `monitor` estimates the error, [`stopping`] says
+//! when it is little enough, `progress` and `result` are what callers see meanwhile and at the end. Imports run
+//! progress, result, stopping, tile, renderer ← schedule, monitor, workers ← this page.
 
-mod looks;
-mod outcome;
+mod background;
+pub mod checkpoint;
+pub mod identity;
+pub mod memory;
+pub mod merge;
+mod metadata;
+mod monitor;
+mod progress;
 mod renderer;
+mod result;
+mod saved;
 mod schedule;
-pub mod target;
+pub mod stopping;
 mod tile;
 mod workers;
 
 use std::ops::ControlFlow;
 
-use rayon::prelude::*;
-
-use self::looks::Looks;
+use self::monitor::ErrorMonitor;
+use self::result::Totals;
 use self::schedule::{Clock, Schedule};
-use self::workers::{Pass, Totals, Workers};
+use self::workers::{Pass, PassEnd, Workers};
 use crate::backend::Backend;
 use crate::error::{Error, Result};
-use crate::film::aov::FirstHit;
-use crate::film::lengths::LengthSums;
-use crate::wavefront::{self, Context, Counters};
+use crate::film::Film;
+use crate::plan::aov::Aov;
+use crate::transport::counters::Counters;
+use crate::transport::job::Job;
+use crate::transport::replay;
 
-pub use self::outcome::{Checkpoint, Forecast, Progress, Render, StopReason};
+pub use self::memory::{Need, Part};
+pub use self::progress::{Keeper, Progress, Snapshot};
 pub use self::renderer::Renderer;
+pub use self::result::{Fault, Forecast, Render, StopReason};
 pub use self::schedule::DEFAULT_SPP;
 pub use crate::plan::options::{
-    CameraChoice, Crop, FilterKind, Lens, RenderOptions, Roulette, SamplerKind, Strategy, TextureFilter,
+    CameraChoice, Crop, FilterKind, Fog, Heuristic, Lens, RenderOptions, Roulette, SamplerKind, Strategy, Techniques,
+    TextureFilter,
 };
+
+/// Who is told of a running render.
+struct Observers<'o> {
+    /// Where it is; breaks it off.
+    progress: &'o mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    /// Is shown the picture after every pass.
+    watch: Option<&'o mut dyn FnMut(&Snapshot)>,
+    /// Gets the state.
+    keeper: Option<&'o mut dyn Keeper>,
+}
+
+impl<'o> Observers<'o> {
+    /// One alone.
+    fn new(progress: &'o mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Self {
+        Observers { progress, watch: None, keeper: None }
+    }
+}
 
 impl Renderer<'_> {
     /// Renders to the first limit that is met; 64 samples per pixel when there is none.
@@ -42,89 +71,142 @@ impl Renderer<'_> {
 
     /// Renders, calling `progress` on this thread a few times a second. When it breaks off, the tiles at hand are
     /// finished and what there is is returned.
-    pub fn render_with(&self, progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
-        self.run(self.backend(), progress, None, None)
+    pub fn render_with(&self, mut progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
+        self.run(self.backend(), Observers::new(&mut progress), None)
     }
 
-    /// Goes on from `earlier`, a render of the same scene and options that was stopped, up to this renderer's limits: the film, its
-    /// halves and the counts are then, in every bit, those of one render without the stop. Times add up; limits on time are for
-    /// this part alone.
+    /// Goes on from `earlier`, a render of the same scene and options that was stopped, within a pass or not, up to
+    /// this renderer's limits: all layers and the counts are then, in every bit, those of one render without the stop.
+    /// Times add up; limits on time are for this part alone. An error target that `earlier` had as well is checked
+    /// where the one render checks it; another one from here on.
     ///
     /// # Errors
-    /// [`Error::Option`] when `earlier` has another size or window, stopped within a pass, or when there is an error target,
-    /// whose looks would be missing.
+    /// [`Error::Option`] when `earlier` has another size, window, first sample or other layers, or when its pixels
+    /// differ in samples within a tile.
     pub fn resume(&self, earlier: Render) -> Result<Render> {
-        let film = &earlier.film;
-        let spp = film.spp();
-        let refused = |option, problem: &str| Err(Error::Option { option, problem: problem.into() });
-        if (film.resolution, film.window) != (self.plan.resolution, self.plan.window) {
-            return refused("--width", "the earlier render has another size or window");
-        }
-        if spp.min != spp.max {
-            return refused("--spp", "the earlier render was stopped within a pass: its pixels differ in samples");
-        }
-        if self.plan.limits.error.is_some() {
-            return refused("--error", "a render cannot be resumed towards an error target");
-        }
-        self.run(self.backend(), |_| ControlFlow::Continue(()), None, Some(earlier))
+        self.resume_with(earlier, |_| ControlFlow::Continue(()))
     }
 
-    /// As [`render_with`](Self::render_with), with every ray handed to `backend`: the renderer's own, or one that stands
-    /// before it (a recorder) and gives the same answers.
+    /// [`resume`](Self::resume) with the callback of [`render_with`](Self::render_with).
+    pub fn resume_with(
+        &self,
+        earlier: Render,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Render> {
+        self.check_earlier(&earlier)?;
+        self.run(self.backend(), Observers::new(&mut progress), Some(earlier))
+    }
+
+    /// Whether a render can be gone on with.
+    fn check_earlier(&self, earlier: &Render) -> Result<()> {
+        let (film, empty) = (&earlier.film, self.empty_film());
+        let refused = |option, problem: &str| Err(Error::Option { option, problem: problem.into() });
+        let layers = |film: &Film| film.planes().iter().map(|plane| plane.layer.aov).collect::<Vec<_>>();
+        if (film.resolution, film.window) != (empty.resolution, empty.window) {
+            return refused("--width", "the earlier render has another size or window");
+        }
+        if film.first_sample != empty.first_sample {
+            return refused("--sample-range", "the earlier render begins at another sample");
+        }
+        if layers(film) != layers(&empty) {
+            return refused("--aov", "the earlier render has other layers");
+        }
+        if !tile::tiles(film.window).iter().all(|tile| film.is_uniform(&tile.pixels)) {
+            return refused("--spp", "pixels of the earlier render differ in samples within a tile");
+        }
+        Ok(())
+    }
+
+    /// [`render_with`](Self::render_with), or [`resume_with`](Self::resume_with) where there is an `earlier` render;
+    /// the picture is shown to `watch` after every pass as by [`render_watched`](Self::render_watched), and `keeper`
+    /// gets the state whenever it wants it.
+    ///
+    /// # Errors
+    /// As [`resume`](Self::resume).
+    pub fn render_kept(
+        &self,
+        earlier: Option<Render>,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+        watch: Option<&mut dyn FnMut(&Snapshot)>,
+        keeper: &mut dyn Keeper,
+    ) -> Result<Render> {
+        earlier.as_ref().map_or(Ok(()), |earlier| self.check_earlier(earlier))?;
+        let mut observers = Observers { keeper: Some(keeper), ..Observers::new(&mut progress) };
+        if let Some(watch) = watch {
+            observers.watch = Some(watch);
+        }
+        self.run(self.backend(), observers, earlier)
+    }
+
+    /// As [`render_with`](Self::render_with), with every ray handed to `backend`: the renderer's own, or one that
+    /// stands before it (a recorder) and gives the same answers.
     pub fn render_through(
         &self,
         backend: &dyn Backend,
-        progress: impl FnMut(&Progress) -> ControlFlow<()>,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Render> {
-        self.run(backend, progress, None, None)
+        self.run(backend, Observers::new(&mut progress), None)
     }
 
-    /// [`render_with`](Self::render_with), and the picture is shown to `watch` after every pass. The clock stands while it
-    /// looks.
+    /// [`render_with`](Self::render_with), and the picture is shown to `watch` after every pass. The clock is paused
+    /// while it looks.
     pub fn render_watched(
         &self,
-        progress: impl FnMut(&Progress) -> ControlFlow<()>,
-        mut watch: impl FnMut(&Checkpoint),
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+        mut watch: impl FnMut(&Snapshot),
     ) -> Result<Render> {
-        self.run(self.backend(), progress, Some(&mut watch), None)
+        let observers = Observers { watch: Some(&mut watch), ..Observers::new(&mut progress) };
+        self.run(self.backend(), observers, None)
     }
 
     /// The loop over passes, from `earlier` or from an empty film to the first limit that is met.
-    fn run(
-        &self,
-        backend: &dyn Backend,
-        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
-        mut watch: Option<&mut dyn FnMut(&Checkpoint)>,
-        earlier: Option<Render>,
-    ) -> Result<Render> {
+    fn run(&self, backend: &dyn Backend, observers: Observers, earlier: Option<Render>) -> Result<Render> {
+        let Observers { progress, mut watch, mut keeper } = observers;
         let plan = &self.plan;
-        let earlier = earlier.unwrap_or_else(|| Render::unbegun(plan.resolution, plan.window));
-        let mut done = earlier.film.spp().min;
-        let lengths = || earlier.lengths.unwrap_or_else(|| LengthSums::new(plan.window));
-        let lengths = plan.features.per_length.then(lengths);
-        let totals = Totals { film: earlier.film, counters: earlier.counters, lengths };
-        let workers = Workers::new(self, backend, totals);
-        let mut schedule = Schedule::new(&plan.limits);
-        let mut looks = Looks::new(plan);
+        memory::check((plan.window.width, plan.window.height), &plan.aovs, plan.max_depth, plan.limits.spp)?;
+        let earlier = earlier.unwrap_or_else(|| Render::before(self.empty_film()));
+        let (mut done, before) = (earlier.film.spp().min, earlier.render_time);
+        let mut monitor = ErrorMonitor::new(plan, done, earlier.check);
+        if earlier.stop == StopReason::Error && earlier.check.map(|(target, _)| target) == plan.limits.error {
+            return Ok(earlier);
+        }
+        let workers = Workers::new(self, backend, earlier.into_totals());
+        let schedule = Schedule::new(&plan.limits);
         let mut clock = Clock::start();
+        let mut fault = None;
 
         let stop = loop {
-            let Some(samples) = schedule.pass(done) else { break StopReason::Spp };
-            let pass = Pass { first_sample: plan.sample_start + done, samples };
-            let completed = workers.run(&pass, &mut |within, rays| {
-                let (elapsed, predicted) = (clock.elapsed(), looks.predicted);
-                let fraction = schedule.fraction(done as f64 + within * samples as f64, elapsed, predicted);
-                progress(&Progress { elapsed, spp: done, fraction, relmse: looks.relmse, rays, predicted })
+            let Some(end) = schedule.next(done, monitor.next_check()) else { break StopReason::Spp };
+            let pass = Pass { end, deadline: schedule.deadline(clock.elapsed()) };
+            let ended = workers.run(&pass, &mut |within, rays| {
+                let (elapsed, predicted) = (clock.elapsed(), monitor.predicted);
+                let spp = done as f64 + within * (end - done) as f64;
+                let fraction = schedule.fraction(spp, elapsed, predicted);
+                let ended =
+                    progress(&Progress { elapsed, spp: done, fraction, relmse: monitor.relmse, rays, predicted });
+                if let Some(keeper) = &mut keeper
+                    && keeper.is_due()
+                {
+                    let totals = workers.totals().clone();
+                    keeper.keep(Render::running(totals, before + elapsed, monitor.check()));
+                }
+                ended
             });
-            if !completed {
-                break StopReason::Callback;
+            match ended {
+                PassEnd::Complete => done = end,
+                PassEnd::TimeIsUp => break StopReason::Time,
+                PassEnd::BrokenOff => break StopReason::Callback,
+                PassEnd::Unread => break StopReason::Texture,
+                PassEnd::Fault(found) => {
+                    fault = Some(found);
+                    break StopReason::Fault;
+                }
             }
-            done += samples;
 
             let elapsed = clock.elapsed();
-            let met = looks.look(done, elapsed, || workers.estimate());
+            let met = monitor.pass_ended(done, elapsed, || workers.estimate());
             if let Some(watch) = &mut watch {
-                clock.stand(|| watch(&Checkpoint { elapsed, spp: done, film: &workers.film() }));
+                clock.pause(|| watch(&Snapshot { elapsed, spp: done, film: &workers.totals().film.total() }));
             }
             if met {
                 break StopReason::Error;
@@ -132,39 +214,33 @@ impl Renderer<'_> {
             if schedule.time_is_up(elapsed) {
                 break StopReason::Time;
             }
-            schedule.passed(done, elapsed, looks.next());
         };
 
-        let Totals { film, mut counters, lengths } = workers.finish();
-        self.locate(backend, &mut counters);
-        let first_hits = match earlier.first_hits {
-            None if plan.features.first_hit => Some(self.first_hits(film.spp().max, &mut counters)),
-            known => known,
-        };
-        let render_time = earlier.render_time + clock.elapsed();
-        Ok(Render { film, counters, lengths, first_hits, render_time, stop, forecast: looks.forecast })
+        let Totals { film, mut counters } = workers.finish();
+        if fault.is_none() {
+            self.locate(backend, &mut counters);
+        }
+        let render_time = before + clock.elapsed();
+        let (film, blocks) = film.finish();
+        let (check, forecast) = (monitor.check(), monitor.forecast);
+        Ok(Render { film, blocks, counters, render_time, stop, check, forecast, fault })
+    }
+
+    /// A film without samples that keeps what the plan asks for.
+    fn empty_film(&self) -> Film {
+        let plan = &self.plan;
+        let mut aovs = plan.aovs.clone();
+        aovs.extend(plan.features.per_length.then_some(Aov::BOUNCES));
+        let mut film = Film::with_layers(plan.resolution, plan.window, &aovs);
+        film.first_sample = plan.sample_start;
+        film
     }
 
     /// Says of the listed samples that were not finite after how many scatterings they ceased to be.
     fn locate(&self, backend: &dyn Backend, counters: &mut Counters) {
-        let context = Context { backend, ..self.context() };
+        let job = Job { backend, ..self.job() };
         for met in &mut counters.nonfinite_first {
-            met.bounce = wavefront::replay::nonfinite_bounce(&context, met.pixel, met.sample);
+            met.bounce = replay::nonfinite_bounce(&job, met.pixel, met.sample);
         }
-    }
-
-    /// What the camera rays of every pixel meet first; `spp` is what the render took.
-    fn first_hits(&self, spp: u64, counters: &mut Counters) -> Vec<FirstHit> {
-        let w = self.plan.window;
-        let rows: Vec<(Vec<FirstHit>, Counters)> = self.pool.install(|| {
-            let row = |y| {
-                let pixels: Vec<(u32, u32)> = (w.x..w.x + w.width).map(|x| (x, y)).collect();
-                let mut counters = Counters::default();
-                (wavefront::first_hit::run(&self.context(), &pixels, spp, &mut counters), counters)
-            };
-            (w.y..w.y + w.height).into_par_iter().map(row).collect()
-        });
-        rows.iter().for_each(|(_, traced)| counters.merge(traced));
-        rows.into_iter().flat_map(|(hits, _)| hits).collect()
     }
 }

@@ -1,31 +1,53 @@
 //! A scene made ready to be rendered: plan, acceleration structure, light tables, threads. What passes and replays read
-//! of it is the stages' [`Context`].
+//! of it is a [`Job`].
 //!
-//! Everything is built once, in [`Renderer::new`]; other options of the same backend are taken by [`Renderer::retarget`].
-//! How a render runs is told in `mod.rs`.
+//! Everything is built once, in [`Renderer::new`]; other options of the same backend are taken by
+//! [`Renderer::retarget`]. `mod.rs` describes how a render runs.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::memory::{self, Need};
 use crate::backend::{self, Backend, BackendInfo};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
+use crate::machine;
 use crate::plan::RenderPlan;
 use crate::plan::options::RenderOptions;
 use crate::scene::geometry::Geometry;
 use crate::scene::{Camera, Scene};
-use crate::shading::bsdf::albedo::SpecularAlbedo;
 use crate::shading::light::Lights;
-use crate::shading::light::select::Selection;
-use crate::wavefront::alpha::AlphaTable;
-use crate::wavefront::queue::{self, Kind};
-use crate::wavefront::replay::Replay;
-use crate::wavefront::state::Carried;
-use crate::wavefront::{self, Context};
+use crate::shading::medium::Media;
+use crate::texture::stored::Tiles;
+use crate::transport::job::Job;
+use crate::transport::replay::{self, Replay};
+use crate::transport::world::{MaterialTables, World};
 
 /// A scene made ready: plan, acceleration structure, light tables.
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// use std::time::Duration;
+///
+/// use pathspace::render::StopReason;
+/// use pathspace::{RenderOptions, Renderer, Scene};
+///
+/// let scene = Scene::load("scenes/cornell-box/scene.gltf")?;
+/// let mut renderer = Renderer::new(&scene, RenderOptions::new(16, 16).error(0.2).time(Duration::from_secs(20)))?;
+/// // The callback runs on this thread between passes; breaking off is a result, not an error.
+/// let render = renderer.render_with(|progress| {
+///     if progress.spp >= 4096 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+/// })?;
+/// assert!(render.stop != StopReason::Error || render.film.error_estimate().is_some());
+///
+/// // Nothing is built again for another camera, size or number of samples.
+/// renderer.retarget(&RenderOptions::new(8, 8).spp(4))?;
+/// assert_eq!(renderer.render()?.film.spp().max, 4);
+/// # Ok::<(), pathspace::Error>(())
+/// ```
 pub struct Renderer<'a> {
     scene: &'a Scene,
     pub(super) plan: RenderPlan,
@@ -35,12 +57,14 @@ pub struct Renderer<'a> {
     camera: CameraRays,
     /// The camera at equal intervals of the shutter; empty where it is at rest.
     camera_steps: Vec<CameraRays>,
+    /// The solids around the camera.
+    media: Media,
     filter: FilterTable,
-    kinds: Vec<Kind>,
-    only_kind: Option<Kind>,
-    alpha: AlphaTable,
-    albedo: SpecularAlbedo,
+    tables: MaterialTables,
     pub(super) pool: rayon::ThreadPool,
+    /// Textures that are read while it renders.
+    pub(super) tiles: Option<Arc<Tiles>>,
+    need: Need,
     build_time: Duration,
 }
 
@@ -52,6 +76,7 @@ impl<'a> Renderer<'a> {
     /// [`Error::InvalidScene`] for lights that are not finite.
     pub fn new(scene: &'a Scene, options: RenderOptions) -> Result<Self> {
         let start = Instant::now();
+        memory::check_geometry(scene)?;
         let mut geometry = Geometry::build(scene);
         let plan = RenderPlan::new(scene, &geometry, &options)?;
         if plan.features.footprints {
@@ -59,36 +84,34 @@ impl<'a> Renderer<'a> {
         }
         let lights = Lights::build(scene, &geometry)?;
         lights.assign(&mut geometry);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(plan.threads)
-            .thread_name(|i| format!("pathspace-{i}"))
-            .build()
+        let pool = machine::pool(plan.threads, "render")
             .map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
-        let backend = backend::build(plan.backend, &geometry, &plan.backend_options())?;
+        let need = Need::of(scene, &geometry, &plan);
+        need.check_building()?;
+        let backend = backend::select::build(plan.backend, &geometry, &plan.backend_options())?;
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
         let camera_steps = camera_steps(scene, &plan)?;
-        let kind = |m| if plan.features.all_general { Kind::General } else { queue::kind_of(m) };
-        let kinds: Vec<Kind> = scene.materials.iter().map(kind).collect();
+        let media = media_of(&geometry, &camera, &plan);
         Ok(Renderer {
             scene,
             lights,
             backend,
             camera,
             camera_steps,
+            media,
             filter: FilterTable::new(plan.filter),
-            only_kind: queue::only_kind(scene, &kinds),
-            kinds,
-            alpha: AlphaTable::new(scene),
-            albedo: SpecularAlbedo::for_materials(&scene.materials),
+            tables: MaterialTables::new(scene, &plan),
             pool,
+            tiles: scene.texture_tiles().cloned(),
             geometry,
             plan,
+            need,
             build_time: start.elapsed(),
         })
     }
 
-    /// Takes other options for the renders to come. Nothing is built again, so backend, traversal and ray modes must stay
-    /// what they are.
+    /// Takes other options for the renders to come. Nothing is built again, so backend, traversal and ray modes must
+    /// stay what they are.
     ///
     /// # Errors
     /// As [`new`](Self::new), and [`Error::Option`] for options that need another backend.
@@ -102,15 +125,33 @@ impl<'a> Renderer<'a> {
             self.scene.textures.par_iter().for_each(|texture| texture.make_levels());
         }
         let camera = CameraRays::new(&self.scene.cameras[plan.camera], plan.resolution, plan.lens)?;
+        self.media = media_of(&self.geometry, &camera, &plan);
         (self.camera, self.camera_steps) = (camera, camera_steps(self.scene, &plan)?);
         self.filter = FilterTable::new(plan.filter);
+        self.tables.retarget(self.scene, &plan);
         self.plan = plan;
+        Ok(())
+    }
+
+    /// Renders through another camera from here on, at rest, until options are taken anew.
+    ///
+    /// # Errors
+    /// Those of [`CameraRays::new`].
+    pub fn look_through(&mut self, camera: &Camera) -> Result<()> {
+        let camera = CameraRays::new(camera, self.plan.resolution, self.plan.lens)?;
+        self.media = media_of(&self.geometry, &camera, &self.plan);
+        (self.camera, self.camera_steps) = (camera, Vec::new());
         Ok(())
     }
 
     /// Renders with other random numbers from here on. Nothing that was built depends on the seed.
     pub fn set_seed(&mut self, seed: u64) {
         self.plan.seed = seed;
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
     }
 
     /// The resolved decisions.
@@ -143,32 +184,30 @@ impl<'a> Renderer<'a> {
         self.build_time
     }
 
-    /// What the stages read.
-    pub(super) fn context(&self) -> Context<'_> {
-        Context {
-            plan: &self.plan,
-            scene: self.scene,
-            geometry: &self.geometry,
-            lights: &self.lights,
+    /// What it takes in memory, by part, as it was known before the hierarchy was built.
+    pub fn need(&self) -> &Need {
+        &self.need
+    }
+
+    /// What the workers read.
+    pub(super) fn job(&self) -> Job<'_> {
+        Job {
+            world: World::new(self.scene, &self.geometry, &self.lights, &self.tables, &self.plan),
             backend: self.backend.as_ref(),
             camera: &self.camera,
             camera_steps: &self.camera_steps,
+            media: self.media,
             filter: &self.filter,
-            kinds: &self.kinds,
-            only_kind: self.only_kind,
-            carried: Carried {
-                normal: self.lights.selection() == Selection::Receiver,
-                medium: self.plan.features.dielectric || self.plan.features.thin || self.plan.features.absorption,
-            },
-            only_area: self.lights.only_area(),
-            alpha: &self.alpha,
-            albedo: &self.albedo,
-            observer: None,
+            sampler: self.plan.sampler,
+            seed: self.plan.seed,
+            columns: self.plan.resolution.0,
+            layers: &self.plan.aovs,
+            avx512: self.plan.avx512,
         }
     }
 
-    /// Renders one sample of a pixel of the full image again, with everything that was decided on its path written down.
-    /// Kernels, backend, query modes and random numbers are those of a render, and so are the bits.
+    /// Renders one sample of a pixel of the full image again, with everything that was decided on its path written
+    /// down. Kernels, backend, query modes and random numbers are those of a render, and so are the bits.
     ///
     /// # Errors
     /// [`Error::Option`] for a pixel outside the full image.
@@ -178,8 +217,13 @@ impl<'a> Renderer<'a> {
             let problem = format!("{},{} lies outside the picture of {width}x{height} pixels", pixel.0, pixel.1);
             return Err(Error::Option { option: "--pixel", problem });
         }
-        Ok(wavefront::replay::run(&self.context(), pixel, sample))
+        Ok(replay::run(&self.job(), pixel, sample))
     }
+}
+
+/// The solids around the camera, where paths keep those.
+fn media_of(geometry: &Geometry, camera: &CameraRays, plan: &RenderPlan) -> Media {
+    if plan.features.media { Media::of(&geometry.solids_around(camera.position()).0) } else { Media::NONE }
 }
 
 /// The camera of the plan along its way while the shutter is open; nothing where it is at rest.
@@ -190,4 +234,35 @@ fn camera_steps(scene: &Scene, plan: &RenderPlan) -> Result<Vec<CameraRays>> {
         CameraRays::new(&Camera { world_from_camera, ..camera.clone() }, plan.resolution, plan.lens)
     };
     steps.iter().map(posed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::plan::Gate;
+    use crate::scene::builder::SceneBuilder;
+    use crate::transport::kind::Kind;
+
+    /// A retargeted renderer has the kernels of a fresh one. Oracle: the fresh one. Deterministic. (Rays that pass
+    /// surfaces need another backend: that gate stays closed.)
+    #[test]
+    fn retarget_takes_the_kernels_that_gates_ask_for() {
+        let mut b = SceneBuilder::new();
+        let white = b.lambert(Vec3::ONE);
+        b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, white);
+        b.camera(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0);
+        let scene = b.build();
+        let options = |forced: &[Gate]| RenderOptions { forced: forced.to_vec(), ..RenderOptions::new(4, 4) };
+        let kinds = |renderer: &Renderer| (renderer.job().world.kinds.to_vec(), renderer.job().world.only_kind);
+        let fresh = |forced| kinds(&Renderer::new(&scene, options(forced)).expect("valid options"));
+        let mut renderer = Renderer::new(&scene, options(&[])).expect("valid options");
+        let rest: Vec<Gate> = Gate::ALL.into_iter().filter(|gate| *gate != Gate::ALPHA).collect();
+        for forced in [&[Gate::GENERAL][..], &[], &rest] {
+            renderer.retarget(&options(forced)).expect("the backend stays");
+            assert_eq!(kinds(&renderer), fresh(forced), "{forced:?}");
+            assert_eq!(kinds(&renderer).1 == Some(Kind::General), !forced.is_empty(), "{forced:?}");
+        }
+    }
 }

@@ -1,8 +1,13 @@
-//! How many samples per pixel the next pass takes, how far a render is, and whether its time is up. Passes double until
-//! one takes about [`PASS_SECONDS`], so that limits and the callback are looked at a few times a second.
+//! Where passes and epochs end, how far a render is, and until when it may run.
 //!
-//! The clock decides where passes end, never what is in them: a pixel's samples are numbered and added in ascending order
-//! whatever the passes, so a render to a number of samples has the same bits on any machine.
+//! **Passes end at sample counts**, never by the clock: at powers of two up to [`PASS_SAMPLES`], then at its multiples,
+//! at checks of the error (an eighth of a power of two apart, `stopping.rs`), and at the number of samples that was
+//! asked for. The powers of two are epochs: what is learnt from samples may be used from the next epoch on, so that it
+//! depends on the input alone. The clock, an error target and signals *end* a render, inside a pass as well: a tile is
+//! rendered wholly or not at all, so that a pixel's sample count does not depend on its values.
+//!
+//! A pixel's samples are numbered and added in pairs whatever the passes (`film/blocks.rs`), so a render to a number of
+//! samples has the same bits on any machine.
 
 use std::time::{Duration, Instant};
 
@@ -12,46 +17,40 @@ use crate::plan::Limits;
 /// Samples per pixel when no limit is given.
 pub const DEFAULT_SPP: u64 = 64;
 
-/// Most samples per pixel in one pass: short enough for a progress report each second on ordinary images.
-const PASS_SAMPLES: u64 = 64;
+/// Most samples per pixel in one pass; a power of two. Waves are full from 8 samples on, and tiles are short enough for
+/// the clock.
+pub(super) const PASS_SAMPLES: u64 = 64;
 
-/// Passes aim at this wall time, so that limits and the callback are looked at a few times a second.
-const PASS_SECONDS: f64 = 0.4;
-
-/// Rendering time: stands while the picture is shown.
+/// Rendering time: paused while the picture is shown.
 pub(super) struct Clock {
     start: Instant,
-    stood: Duration,
+    paused: Duration,
 }
 
 impl Clock {
     /// Runs from now on.
     pub fn start() -> Self {
-        Clock { start: Instant::now(), stood: Duration::ZERO }
+        Clock { start: Instant::now(), paused: Duration::ZERO }
     }
 
-    /// What it shows.
+    /// Time since the start without the pauses.
     pub fn elapsed(&self) -> Duration {
-        self.start.elapsed() - self.stood
+        self.start.elapsed() - self.paused
     }
 
-    /// Stands while `showing` runs.
-    pub fn stand(&mut self, showing: impl FnOnce()) {
+    /// Pauses while `showing` runs.
+    pub fn pause(&mut self, showing: impl FnOnce()) {
         let stopped = Instant::now();
         showing();
-        self.stood += stopped.elapsed();
+        self.paused += stopped.elapsed();
     }
 }
 
-/// The lengths of passes under a plan's limits.
+/// The passes under a plan's limits.
 pub(super) struct Schedule {
     /// Samples per pixel at which the render ends; `u64::MAX` when something else ends it.
     spp: u64,
     time: Option<Duration>,
-    /// Samples per pixel of the pass to come, or of the one that runs.
-    samples: u64,
-    /// Rendering time when the last pass had ended.
-    last: Duration,
 }
 
 impl Schedule {
@@ -59,24 +58,23 @@ impl Schedule {
     pub fn new(limits: &Limits) -> Self {
         let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
         let spp = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
-        Schedule { spp, time: limits.time, samples: 1, last: Duration::ZERO }
+        Schedule { spp, time: limits.time }
     }
 
-    /// Samples per pixel of the pass after `done`; `None` when all that were asked for are done.
-    pub fn pass(&mut self, done: u64) -> Option<u64> {
-        self.samples = self.samples.min(self.spp.saturating_sub(done));
-        (self.samples > 0).then_some(self.samples)
+    /// Samples per pixel at the end of the pass after `done`, which does not go beyond the error's `next_check`; `None`
+    /// when all that were asked for are done.
+    pub fn next(&self, done: u64, next_check: Option<u64>) -> Option<u64> {
+        let grid = match done {
+            0..PASS_SAMPLES => (done + 1).next_power_of_two(),
+            _ => (done / PASS_SAMPLES + 1) * PASS_SAMPLES,
+        };
+        let check = next_check.filter(|&check| check > done).unwrap_or(u64::MAX);
+        (done < self.spp).then_some(grid.min(check).min(self.spp))
     }
 
-    /// Takes down that a pass has ended at `elapsed`, with `done` samples per pixel. The next one does not go beyond
-    /// `next_look` samples per pixel, where the error is looked at.
-    pub fn passed(&mut self, done: u64, elapsed: Duration, next_look: Option<u64>) {
-        let left = self.time.map(|time| time.saturating_sub(elapsed));
-        self.samples = next_pass(self.samples, elapsed - self.last, left, done);
-        if let Some(look) = next_look {
-            self.samples = self.samples.min(look - done);
-        }
-        self.last = elapsed;
+    /// When the time that was given is over, after `elapsed` of it.
+    pub fn deadline(&self, elapsed: Duration) -> Option<Instant> {
+        self.time.and_then(|time| Instant::now().checked_add(time.saturating_sub(elapsed)))
     }
 
     /// Whether the time that was given is over.
@@ -93,22 +91,6 @@ impl Schedule {
     }
 }
 
-/// Samples of the next pass: doubles until a pass takes long enough, shrinks to fit the time that is left. Always even
-/// after the first two, so that both halves of the film have the same number.
-fn next_pass(last: u64, took: Duration, left: Option<Duration>, done: u64) -> u64 {
-    if done == 1 {
-        return 1;
-    }
-    let per_sample = took.as_secs_f64() / last as f64;
-    let mut seconds = PASS_SECONDS;
-    if let Some(left) = left {
-        seconds = seconds.min(left.as_secs_f64());
-    }
-    let fitting = if per_sample > 0.0 { (seconds / per_sample) as u64 } else { u64::MAX };
-    let samples = fitting.min(2 * last).clamp(2, PASS_SAMPLES);
-    samples & !1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -117,36 +99,28 @@ mod tests {
         Limits { spp, time: time.map(Duration::from_secs_f64), error: None, min_spp: 2 }
     }
 
-    /// Passes under `limits` when a sample takes `seconds`, until a limit is met.
-    fn passes(limits: &Limits, seconds: f64, looks: &[u64]) -> Vec<u64> {
-        let mut schedule = Schedule::new(limits);
-        let (mut done, mut passes) = (0, Vec::new());
-        while let Some(samples) = schedule.pass(done) {
-            passes.push(samples);
-            done += samples;
-            let elapsed = Duration::from_secs_f64(done as f64 * seconds);
-            if schedule.time_is_up(elapsed) {
-                break;
-            }
-            schedule.passed(done, elapsed, looks.iter().copied().find(|&look| look > done));
-        }
-        passes
+    /// Ends of the passes under `limits` from `done` on, with checks of the error at `checks`, eleven at most.
+    fn ends(limits: &Limits, mut done: u64, checks: &[u64]) -> Vec<u64> {
+        let schedule = Schedule::new(limits);
+        let next = || {
+            done = schedule.next(done, checks.iter().copied().find(|&check| check > done))?;
+            Some(done)
+        };
+        std::iter::from_fn(next).take(11).collect()
     }
 
-    /// Oracle: sums and durations written by hand. Deterministic: the clock is an argument.
+    /// Oracle: written by hand. Deterministic: no clock has a part in it.
     #[test]
-    fn passes_double_up_to_their_time_and_end_at_the_limit() {
-        assert_eq!(passes(&limits(None, None), 1e-6, &[]), [1, 1, 2, 4, 8, 16, 32]);
-        assert_eq!(passes(&limits(Some(200), None), 1e-6, &[]), [1, 1, 2, 4, 8, 16, 32, 64, 64, 8]);
-        // 0.4 s are six samples of 0.066 s; an odd number that was asked for is kept.
-        assert_eq!(passes(&limits(Some(21), None), 0.066, &[]), [1, 1, 2, 4, 6, 6, 1]);
-        // Passes do not leap over a look at the error.
-        assert_eq!(
-            passes(&limits(Some(64), None), 1e-6, &[4, 8, 18, 32, 64]),
-            [1, 1, 2, 4, 8, 2, 4, 8, 2, 4, 8, 16, 4]
-        );
-        // One second: the last passes shrink to fit it.
-        assert_eq!(passes(&limits(None, Some(1.0)), 0.066, &[]), [1, 1, 2, 4, 6, 2]);
+    fn passes_end_at_powers_of_two_and_their_subdivisions() {
+        assert_eq!(ends(&limits(None, None), 0, &[]), [1, 2, 4, 8, 16, 32, 64]);
+        assert_eq!(ends(&limits(Some(200), None), 0, &[]), [1, 2, 4, 8, 16, 32, 64, 128, 192, 200]);
+        assert_eq!(ends(&limits(None, Some(1.0)), 0, &[]), [1, 2, 4, 8, 16, 32, 64, 128, 192, 256, 320]);
+        // An odd number that was asked for is kept, and gone on from.
+        assert_eq!(ends(&limits(Some(21), None), 0, &[]), [1, 2, 4, 8, 16, 21]);
+        assert_eq!(ends(&limits(Some(200), None), 21, &[]), [32, 64, 128, 192, 200]);
+        assert_eq!(ends(&limits(Some(21), None), 21, &[]), [0u64; 0]);
+        // Passes do not leap over a check of the error.
+        assert_eq!(ends(&limits(Some(90), None), 0, &[4, 8, 18, 32, 64, 72]), [1, 2, 4, 8, 16, 18, 32, 64, 72, 90]);
     }
 
     /// Oracle: the definition.

@@ -1,5 +1,5 @@
-//! The tiles that workers take: squares of the window, their pixels along a Morton curve (Morton 1966), so that neighbours
-//! share packets of rays. Pixels are those of the full image; the cut has no part in the picture.
+//! The tiles that workers take: squares of the window, their pixels along a Morton curve (Morton 1966), so that
+//! neighbours share packets of rays. Pixels are those of the full image; the cut has no part in the picture.
 
 use crate::plan::options::Crop;
 
@@ -12,7 +12,7 @@ pub(super) struct Tile {
     pub pixels: Vec<(u32, u32)>,
 }
 
-/// The window cut into tiles, row by row; those at the right and lower border hold what is left.
+/// The window cut into tiles, row by row; those at the right and lower border are cut.
 pub(super) fn tiles(window: Crop) -> Vec<Tile> {
     let mut tiles = Vec::new();
     for ty in (0..window.height).step_by(SIDE as usize) {

@@ -1,14 +1,13 @@
 //! Where a ray meets a surface: the point with its error bound, the normals, the texture coordinates.
 //!
-//! The point is rebuilt from barycentrics (HARDCASES G09), never from o + t·d. Normals point to the authored front side;
-//! who shades decides on which side the viewer is.
+//! The point is rebuilt from barycentrics (HARDCASES G09), never from o + t·d. Normals point to the authored front
+//! side; the shading code decides on which side the viewer is.
 
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::backend::batch::{Hit, INVALID_ID};
 use crate::math::float;
-use crate::scene::geometry::{Geometry, NO_ATTRIBUTES};
-use crate::scene::placement::Placement;
+use crate::scene::geometry::{Geometry, NO_ATTRIBUTES, Placement};
 
 /// A surface point as numbers.
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +65,7 @@ impl Interaction {
             error,
             n_g,
             n_s,
-            material: triangle.material,
+            material: geometry.material(hit.inst, triangle),
             light: triangle.light,
             attributes: triangle.attributes,
             barycentric: [hit.u, hit.v],
@@ -98,8 +97,8 @@ impl Interaction {
     }
 }
 
-/// World tangent at a hit, across the shading normal `n_s` of the front side, and the bitangent's sign; `None` where the triangle has
-/// none or it is degenerate.
+/// World tangent at a hit, across the shading normal `n_s` of the front side, and the bitangent's sign; `None` where
+/// the triangle has none or it is degenerate.
 #[inline(always)]
 pub fn tangent(geometry: &Geometry, hit: &Hit, n_s: Vec3) -> Option<Vec4> {
     let attributes = geometry.triangle(hit.geom, hit.prim).attributes;
@@ -115,8 +114,8 @@ pub fn tangent(geometry: &Geometry, hit: &Hit, n_s: Vec3) -> Option<Vec4> {
     Some(t.extend(sign))
 }
 
-/// Tilts `n_s` by a decoded normal-map value (x, y, z in [−1,1], already scaled). Falls back to `n_s` where the map is
-/// degenerate (HARDCASES B17).
+/// Tilts `n_s` by a decoded normal-map value (x, y, z in [−1,1], already scaled). Falls back to `n_s` where the map
+/// is degenerate (HARDCASES B17).
 #[inline(always)]
 pub fn tilt(n_s: Vec3, tangent: Vec4, map: Vec3) -> Vec3 {
     let t = tangent.truncate();

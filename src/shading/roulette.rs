@@ -1,15 +1,14 @@
-//! Russian roulette: ends paths that carry little, and scales up those that go on so that the expectation stays.
+//! Russian roulette: ends paths that carry little, and scales up the survivors so that the expectation stays.
 //!
-//! The path goes on when a uniform number is below the survival probability q, and its throughput is then divided by q.
-//! q is twice the largest channel of the throughput: a path that carries at least a half is never ended, and a survivor
-//! carries a half. q ≥ throughput in every channel keeps the variance finite for every albedo below 1 (it needs q > ρ² a
-//! bounce in the brightest channel, and a rule on luminance breaks that in red). The factor 1/η² of radiance that entered
-//! glass is taken out first: it comes back on the way out, and ending paths on it would make glass noisy (as PBRT and
-//! Mitsuba do).
-//! Measured, 1/(relMSE·rays a path) at 64 samples per pixel against q = throughput from the fourth vertex on, which is
-//! the common rule: cornell-box 1.27, glass-caustics 1.46, interior 1.05, many-lights 1.06; four times the throughput gives
-//! 1.33, 1.44, 1.00, 1.02; its square root 0.99, 1.08, 1.03, 1.03.
-//! Limit: with an albedo of 1 q stays 1; the depth limit of the render ends such paths, and counts them.
+//! The path survives when a uniform number is below the survival probability q, and its throughput is then divided by
+//! q. q is twice the largest channel of the throughput: a path that carries at least a half is never ended, and a
+//! survivor carries a half. q ≥ throughput in every channel keeps the variance finite for every albedo below 1 (it
+//! needs q > ρ² a bounce in the brightest channel, and a rule on luminance breaks that in red). The factor 1/η² of
+//! radiance that entered glass is taken out first: it comes back on the way out, and ending paths on it would make
+//! glass noisy (as PBRT and Mitsuba do). Measured, 1/(relMSE·rays a path) at 64 samples per pixel against q =
+//! throughput from the fourth vertex on, which is the common rule: cornell-box 1.27, glass-caustics 1.46, interior
+//! 1.05, many-lights 1.06; four times the throughput gives 1.33, 1.44, 1.00, 1.02; its square root 0.99, 1.08, 1.03,
+//! 1.03. Limit: with an albedo of 1 q stays 1; the depth limit of the render ends such paths, and counts them.
 
 use glam::Vec3;
 
@@ -19,8 +18,8 @@ const SURVIVOR: f32 = 0.5;
 /// Values of a uniform f32 in [0,1) are multiples of 2^-24.
 const LATTICE: f32 = 16_777_216.0;
 
-/// Probability with which a path of throughput `beta` goes on from path vertex `vertex`; `eta_scale` is the product of
-/// η² over its refractions. 0 only where `beta` is 0 (such a path ends at any vertex), else in [2^-24, 1]; 1 before
+/// Probability that a path of throughput `beta` survives path vertex `vertex`; `eta_scale` is the product of η² over
+/// its refractions. 0 only where `beta` is 0 (such a path ends at any vertex), else in [2^-24, 1]; 1 before
 /// `first_vertex`, and for a throughput that is NaN, which is to reach the counter.
 #[inline(always)]
 pub fn survival(beta: Vec3, eta_scale: f32, vertex: u32, first_vertex: u32) -> f32 {

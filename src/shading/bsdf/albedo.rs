@@ -2,18 +2,20 @@
 //! What the specular lobe of a dielectric takes is what the diffuse base below it must give up.
 //!
 //! The table is linear between its nodes and its hemispherical average is the exact integral of that interpolant, so a
-//! base scaled by (1−E(μo))(1−E(μi))/(1−E_avg) reflects exactly 1−E(μo) of what the table says; only the table's own
-//! error reaches the energy balance: below 1.5e-3 for cosines above 0.1, 2.5e-3 above 0.01, 1e-2 below (tested). Both
-//! axes are spaced by the fourth root, because E bends where μ and alpha are alike, however small.
+//! base scaled by (1−E(μo))(1−E(μi))/(1−E_avg) reflects exactly 1−E(μo) of what the table says; only the
+//! table's own error reaches the energy balance: below 1.5e-3 for cosines above 0.1, 2.5e-3 above 0.01, 1e-2 below
+//! (tested). Both axes are spaced by the fourth root, because E bends where μ and alpha are alike, however small.
 //!
 //! Origin: quadrature in f64 over the visible normals of `microfacet` (separable Smith), weight F·G1(wi), 32 by 32
-//! midpoints graded towards the rim of the cap; the row of alpha 0 in closed form. Made anew, in a fixed order, by every
-//! process that needs it.
+//! midpoints graded towards the rim of the cap; the row of alpha 0 in closed form. Made anew, in a fixed order, by
+//! every process that needs it.
 
 use std::f64::consts::PI;
 
 use super::fresnel::schlick_weight;
+use crate::math::columns::array_column;
 use crate::scene::Material;
+use crate::scene::material::facts::Facts;
 
 /// Nodes along μ^¼.
 const MU_NODES: usize = 48;
@@ -61,7 +63,7 @@ pub struct Complement<'t> {
 impl SpecularAlbedo {
     /// The table if any of the materials needs it, else an empty one.
     pub fn for_materials(materials: &[Material]) -> Self {
-        if materials.iter().any(needs_table) { Self::compute() } else { Self::empty() }
+        if materials.iter().any(|material| Facts::of(material).is_layered()) { Self::compute() } else { Self::empty() }
     }
 
     /// A table of zeros, for scenes of pure diffuse, metal and glass.
@@ -120,18 +122,15 @@ impl Complement<'_> {
         (1.0 - (a + (b - a) * self.fraction)).clamp(0.0, 1.0)
     }
 
-    /// (1−E(cos_o))(1−E(cos_i))/(1−E_avg), given both complements: symmetric, and averaging to the first over cos_i.
+    /// (1−E(cos_o))(1−E(cos_i))/(1−E_avg), given both complements: symmetric, and averaging to the first over
+    /// cos_i.
     #[inline(always)]
     pub fn split(&self, below_o: f32, below_i: f32) -> f32 {
         below_o * below_i * self.inverse_average
     }
 }
 
-/// Whether a material can show a specular lobe over a base.
-fn needs_table(material: &Material) -> bool {
-    let all_metal = material.metallic >= 1.0 && material.metallic_roughness_texture.is_none();
-    !material.unlit && !all_metal && material.specular > 0.0 && material.transmission < 1.0
-}
+array_column!(Complement<'_>);
 
 /// Cosines and sines of `n` midpoints of half a turn: the integrand is even in the azimuth.
 fn half_turn(n: usize) -> Vec<(f64, f64)> {
@@ -220,8 +219,8 @@ mod tests {
         }
     }
 
-    /// Oracle: a white base under any coat reflects exactly what the coat left it, 2∫split μ dμ = 1 − E(μo), to f32
-    /// rounding (1e-5), because E_avg is the integral of the interpolant itself.
+    /// Oracle: a white base under any coat reflects exactly what the coat left it, 2∫split μ dμ = 1 − E(μo), to
+    /// f32 rounding (1e-5), because E_avg is the integral of the interpolant itself.
     #[test]
     fn split_conserves_energy() {
         let table = SpecularAlbedo::compute();

@@ -1,24 +1,26 @@
 //! Clear dielectrics: a solid whose surface reflects and refracts, and a thin wall that light passes straight.
 //!
-//! Outward frame: wo.z > 0 is outside, wo.z < 0 inside a solid; both sides of a thin wall are alike. Exact Fresnel;
-//! the tint (glTF base colour) multiplies light at each crossing, reflection is untinted but for KHR_materials_specular.
+//! Outward frame: wo.z > 0 is outside, wo.z < 0 inside a solid; both sides of a thin wall are alike. Exact Fresnel; the
+//! tint (glTF base colour) multiplies light at each crossing, reflection is untinted but for KHR_materials_specular.
 //! Radiance convention: crossing into relative index η weighs by 1/η². `eval` includes |cos|; pdfs in sr⁻¹.
 //!
 //! Rough: Walter et al. 2007 with separable Smith masking and visible normals; the side is chosen by the facet's own
 //! reflectance. The thin wall follows KHR_materials_transmission: one interface, no internal bounces, the transmitted
-//! lobe is the reflected one mirrored through the wall. A surface whose lobes f32 half vectors cannot resolve is smooth.
+//! lobe is the reflected one mirrored through the wall. A surface whose lobes f32 half vectors cannot resolve is
+//! smooth.
 //!
 //! Limit: `specular` < 1 takes light from reflection and gives it to transmission; where nothing can be transmitted
 //! (total reflection) it has no effect, because the light has nowhere else to go.
 
 use glam::Vec3;
 
+use super::finish::{Fine, Finish};
 use super::fresnel::{self, Interface};
-use super::microfacet::{ALPHA_DELTA, Ggx, half_vector, reflect};
-use super::{BsdfEval, BsdfSample};
+use super::microfacet::{ALPHA_DELTA, half_vector, reflect};
+use super::model::{BsdfEval, BsdfSample};
 
-/// Least alpha·|η−1| at which a refracting lobe counts as rough: the half vector of two refracted f32 directions has a
-/// relative error of about 2⁻²³/|η−1|, which is then a hundredth of alpha.
+/// Least alpha·|η−1| at which a refracting lobe counts as rough: the half vector of two refracted f32 directions
+/// has a relative error of about 2⁻²³/|η−1|, which is then a hundredth of alpha.
 const REFRACTION_DELTA: f32 = 1e-5;
 
 /// Largest relative index of a body. No clear material comes near (germanium has 4); beyond it, an f32 cosine inside no
@@ -36,13 +38,13 @@ pub enum Body {
 
 /// A clear dielectric surface at a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dielectric {
+pub struct Dielectric<F: Finish = f32> {
     /// Solid or thin-walled.
     pub body: Body,
     /// n(inside)/n(outside), at most [`MAX_INDEX`].
     pub eta: f32,
-    /// GGX alpha.
-    pub alpha: f32,
+    /// GGX alpha, or what there is instead.
+    pub alpha: F,
     /// Colour of what is transmitted.
     pub tint: Vec3,
     /// KHR_materials_specular's factor: scales reflection.
@@ -62,10 +64,42 @@ struct Split {
 }
 
 impl Dielectric {
+    /// A boundary between a medium and itself.
+    pub const NOTHING: Dielectric = Dielectric {
+        body: Body::Solid,
+        eta: 1.0,
+        alpha: 0.0,
+        tint: Vec3::ONE,
+        specular: 1.0,
+        specular_color: Vec3::ONE,
+    };
+
+    /// The same with another finish.
+    #[inline(always)]
+    pub fn finished(self, finish: Fine) -> Dielectric<Fine> {
+        let Dielectric { body, eta, tint, specular, specular_color, .. } = self;
+        Dielectric { body, eta, alpha: finish, tint, specular, specular_color }
+    }
+}
+
+impl<F: Finish> Dielectric<F> {
     /// Whether light sampling can find nothing.
     #[inline(always)]
     pub fn is_delta(&self) -> bool {
-        self.alpha < ALPHA_DELTA || (self.body == Body::Solid && self.alpha * (self.eta - 1.0).abs() < REFRACTION_DELTA)
+        let alpha = self.alpha.alpha();
+        alpha < ALPHA_DELTA || (self.body == Body::Solid && alpha * (self.eta - 1.0).abs() < REFRACTION_DELTA)
+    }
+
+    /// The lobe that a sample came from, for reports.
+    pub fn lobe(&self, reflected: bool) -> &'static str {
+        match (reflected, self.body, self.is_delta()) {
+            (true, _, true) => "smooth reflection",
+            (true, _, false) => "rough reflection",
+            (false, Body::Solid, true) => "smooth refraction",
+            (false, Body::Solid, false) => "rough refraction",
+            (false, Body::Thin, true) => "smooth transmission",
+            (false, Body::Thin, false) => "rough transmission",
+        }
     }
 
     /// Reflectance at a facet seen at `cos` ≥ 0 from the side of `wo`.
@@ -85,7 +119,10 @@ impl Dielectric {
         let f0 = root * root;
         let towards_normal = ((1.0 - f) / (1.0 - f0).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
         let shift = ((self.specular_color * f0).min(Vec3::ONE) - Vec3::splat(f0)) * towards_normal;
-        let partial = (self.specular * (Vec3::splat(f) + shift)).clamp(Vec3::ZERO, Vec3::ONE);
+        let outer = if cos < 0.0 { interface.cos_t } else { cos };
+        let plain = Vec3::splat(f) + shift;
+        let finished = self.alpha.reflectance(plain, outer, (self.specular_color * f0).min(Vec3::ONE));
+        let partial = (self.specular * finished).clamp(Vec3::ZERO, Vec3::ONE);
         let reflected = if f < 1.0 { partial } else { Vec3::ONE };
         Split { interface, reflected, p_reflect: reflected.max_element() }
     }
@@ -114,7 +151,7 @@ impl Dielectric {
     #[inline(always)]
     fn reflected(&self, wo: Vec3, o: Vec3, i: Vec3, m: Vec3) -> BsdfEval {
         let split = self.split(wo, shared_cosine(o, i, m));
-        let lobe = Ggx::isotropic(self.alpha).reflection(o, i, m);
+        let lobe = self.alpha.ggx().reflection(o, i, m);
         BsdfEval { f_cos: split.reflected * lobe.f_cos, pdf_sa: split.p_reflect * lobe.pdf_sa }
     }
 
@@ -122,12 +159,13 @@ impl Dielectric {
     #[inline(always)]
     fn transmitted_thin(&self, wo: Vec3, o: Vec3, mirrored: Vec3, m: Vec3) -> BsdfEval {
         let through = 1.0 - self.split(wo, shared_cosine(o, mirrored, m)).p_reflect;
-        let lobe = Ggx::isotropic(self.alpha).reflection(o, mirrored, m);
+        let lobe = self.alpha.ggx().reflection(o, mirrored, m);
         BsdfEval { f_cos: self.tint * (through * lobe.f_cos), pdf_sa: through * lobe.pdf_sa }
     }
 
-    /// Written for the pair as the outside and the inside see it, whoever the viewer is: h = outer + η·inner and the cosines
-    /// with it are then the same numbers there and back, and reciprocity holds to rounding also where they cancel.
+    /// Written for the pair as the outside and the inside see it, whoever the viewer is: h = outer + η·inner and the
+    /// cosines with it are then the same numbers there and back, and reciprocity holds to rounding also where they
+    /// cancel.
     #[inline(always)]
     fn refracted(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         let inside = wo.z < 0.0;
@@ -139,12 +177,13 @@ impl Dielectric {
         if !(outer_m > 0.0 && inner_m > 0.0 && length > 0.0) {
             return BsdfEval::ZERO;
         }
-        // The reflectance is the same from both sides; the cosine on the thin side tells it without the square root that
-        // magnifies rounding near the critical angle on the other.
+        // The reflectance is the same from both sides; the cosine on the thin side tells it without the square root
+        // that magnifies rounding near the critical angle on the other.
         let through = 1.0 - self.split_signed(if self.eta < 1.0 { -inner_m } else { outer_m }).p_reflect;
-        let ggx = Ggx::isotropic(self.alpha);
-        // d(normal)/d(wi) = η²·|i·m|/|o + η·i|² with the viewer's η; the radiance of the denser side is η² higher, which
-        // cancels its η². `length` is |o + η·i| from outside, η times it from inside, and equals |cos_o − η·cos_t|.
+        let ggx = self.alpha.ggx();
+        // d(normal)/d(wi) = η²·|i·m|/|o + η·i|² with the viewer's η; the radiance of the denser side is η²
+        // higher, which cancels its η². `length` is |o + η·i| from outside, η times it from inside, and equals
+        // |cos_o − η·cos_t|.
         let eta2 = self.eta * self.eta;
         let (o_m, i_m, value, density) =
             if inside { (inner_m, outer_m, eta2, 1.0) } else { (outer_m, inner_m, 1.0, eta2) };
@@ -162,7 +201,7 @@ impl Dielectric {
         let flip = Vec3::new(1.0, 1.0, side);
         let o = wo * flip;
         let smooth = self.is_delta();
-        let ggx = Ggx::isotropic(self.alpha.max(ALPHA_DELTA));
+        let ggx = self.alpha.at_least(ALPHA_DELTA).ggx();
         let m = if smooth { Vec3::Z } else { ggx.sample_visible(o, [u[1], u[2]]) };
         let o_m = o.dot(m).max(0.0);
         let split = self.split(wo, o_m);
@@ -215,8 +254,8 @@ impl Dielectric {
     }
 }
 
-/// Cosine of two directions with their half vector: one number for both, so that the reflectance near the critical angle is
-/// the same there and back.
+/// Cosine of two directions with their half vector: one number for both, so that the reflectance near the critical
+/// angle is the same there and back.
 #[inline(always)]
 fn shared_cosine(o: Vec3, i: Vec3, m: Vec3) -> f32 {
     (0.5 * (o.dot(m) + i.dot(m))).max(0.0)

@@ -1,8 +1,9 @@
 //! Fresnel reflectance of smooth interfaces, unpolarised.
 //!
-//! The dielectric form is exact and stable at index match and at the critical angle (HARDCASES B07–B09): with
-//! g² = (η−1)(η+1) + cos², r_s = −(η−1)(η+1)/(cos+g)² and r_p = (η²cos − g)/(η²cos + g). It is computed in f64, because
-//! monotonicity over consecutive f32 cosines and a relative index of exactly 1/η from the inside both need it.
+//! The dielectric form is exact and stable at index match and at the critical angle (HARDCASES B07–B09): with g² =
+//! (η−1)(η+1) + cos², r_s = −(η−1)(η+1)/(cos+g)² and r_p = (η²cos − g)/(η²cos + g). It is computed in
+//! f64, because monotonicity over consecutive f32 cosines and a relative index of exactly 1/η from the inside both
+//! need it.
 
 use glam::Vec3;
 
@@ -77,8 +78,8 @@ pub fn conductor(cos_o: f32, n: f32, k: f32) -> f32 {
     (0.5 * r_s * (1.0 + t)) as f32
 }
 
-/// Hemispherical average 2∫F(μ)μ dμ of a dielectric; `eta` > 1 as seen from the thin medium, < 1 from the dense one.
-/// Closed form for the thin side (Walsh 1926), 1 − F_in = (1 − F_out)/η² for the other. Absolute error about
+/// Hemispherical average 2∫F(μ)μ dμ of a dielectric; `eta` > 1 as seen from the thin medium, < 1 from the dense
+/// one. Closed form for the thin side (Walsh 1926), 1 − F_in = (1 − F_out)/η² for the other. Absolute error about
 /// 1e-16/(η−1)² by cancellation; exactly 0 at an index match.
 pub fn dielectric_average(eta: f64) -> f64 {
     if eta == 1.0 {
@@ -95,4 +96,21 @@ pub fn dielectric_average(eta: f64) -> f64 {
         - 2.0 * n3 * (n2 + 2.0 * n - 1.0) / ((n2 + 1.0) * (n4 - 1.0))
         + 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * (n4 - 1.0).powi(2)) * n.ln();
     f.clamp(0.0, 1.0)
+}
+
+/// Largest index of a coat that is distinguished from infinity: F0 is then within 4e-4 of 1.
+const MAX_IOR: f32 = 1e4;
+
+/// Reflectance at the normal of a dielectric of glTF's `ior`; 1 where that is 0.
+#[inline(always)]
+pub fn normal_reflectance(ior: f32) -> f32 {
+    let n = relative_index(ior);
+    let root = (n - 1.0) / (n + 1.0);
+    if ior > 0.0 { root * root } else { 1.0 }
+}
+
+/// glTF's `ior` as a relative index; 0 is KHR_materials_ior's spelling of infinity.
+#[inline(always)]
+pub fn relative_index(ior: f32) -> f32 {
+    if ior >= 1.0 { ior.min(MAX_IOR) } else { MAX_IOR }
 }

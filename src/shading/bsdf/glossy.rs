@@ -2,39 +2,58 @@
 //!
 //! Schlick's reflectance is linear in F0 and F90 and metal and coat share one distribution of normals, so the mix by
 //! `metallic` of a metal (F0 = base colour, F90 = 1) and a dielectric coat is a single lobe with mixed F0 and F90. The
-//! base is scaled by (1−E(μo))(1−E(μi))/(1−E_avg), E the albedo of the coat's lobe: reciprocal, and nothing is gained or
-//! lost between coat and base (Kelemen and Szirmay-Kalos 2001; a coloured coat weighs by its largest channel, as
-//! KHR_materials_specular asks). Single scattering: a metal loses what its facets shadow.
+//! base is scaled by (1−E(μo))(1−E(μi))/(1−E_avg), E the albedo of the coat's lobe: reciprocal, and nothing is
+//! gained or lost between coat and base (Kelemen and Szirmay-Kalos 2001; a coloured coat weighs by its largest channel,
+//! as KHR_materials_specular asks). Single scattering: a metal loses what its facets shadow.
 //!
-//! Directions in the shading frame, n = +z; `eval` includes the cosine; pdfs in sr⁻¹. A viewer at or below the horizon
-//! sees nothing. Below [`ALPHA_DELTA`] the specular lobe is a mirror, which `eval` cannot see.
+//! Directions in the shading frame, n = +z; `eval` includes the cosine; pdfs in sr⁻¹. A viewer at or below the
+//! horizon sees nothing. Below [`ALPHA_DELTA`] the specular lobe is a mirror, which `eval` cannot see.
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
 use super::albedo::{Complement, SpecularAlbedo};
-use super::fresnel::{SCHLICK_AVERAGE, schlick, schlick_weight};
+use super::fresnel::{SCHLICK_AVERAGE, normal_reflectance, schlick, schlick_weight};
 use super::microfacet::{ALPHA_DELTA, Ggx, half_vector, reflect};
-use super::{BsdfEval, BsdfSample};
+use super::model::{Boundary, Bsdf, BsdfEval, BsdfSample, Tables, Textured};
+use crate::math::columns::columns;
 use crate::math::warp;
+use crate::scene::Material;
 
-/// What the surface is made of at a hit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GlossyParams {
-    /// Diffuse colour of the dielectric and F0 of the metal.
-    pub base_color: Vec3,
-    /// 0 dielectric … 1 metal.
-    pub metallic: f32,
-    /// GGX alpha.
-    pub alpha: f32,
-    /// Reflectance of the dielectric at the normal.
-    pub f0: Vec3,
-    /// Reflectance of the dielectric at grazing.
-    pub f90: f32,
+columns! {
+    /// What the surface is made of at a hit.
+    #[derive(Debug, PartialEq)]
+    pub struct GlossyParams as GlossyParamsLanes {
+        /// Diffuse colour of the dielectric and F0 of the metal.
+        base_color: Vec3,
+        /// 0 dielectric … 1 metal.
+        metallic: f32,
+        /// GGX alpha.
+        alpha: f32,
+        /// Reflectance of the dielectric at the normal.
+        f0: Vec3,
+        /// Reflectance of the dielectric at grazing.
+        f90: f32,
+    }
 }
 
 impl GlossyParams {
+    /// Of an opaque material with its textured factors.
+    #[inline(always)]
+    pub fn of(boundary: &Boundary, textured: &Textured) -> Self {
+        let roughness = textured.roughness.clamp(0.0, 1.0);
+        // F0 of the dielectric coat (KHR_materials_specular).
+        let reflectance = normal_reflectance(boundary.ior);
+        GlossyParams {
+            base_color: textured.base_color.clamp(Vec3::ZERO, Vec3::ONE),
+            metallic: textured.metallic.clamp(0.0, 1.0),
+            alpha: roughness * roughness,
+            f0: (boundary.specular_color * reflectance).min(Vec3::ONE) * boundary.specular,
+            f90: boundary.specular,
+        }
+    }
+
     /// What the dielectric's coat leaves to its base.
     #[inline(always)]
     pub fn complement<'t>(&self, tables: &'t SpecularAlbedo) -> Complement<'t> {
@@ -42,8 +61,8 @@ impl GlossyParams {
     }
 }
 
-/// Mirror-like or GGX reflection over a diffuse base, mixed: everything but what the base gives up to the coat. Its functions have no
-/// branches, for loops over lanes.
+/// Mirror-like or GGX reflection over a diffuse base, mixed: everything but what the base gives up to the coat. Its
+/// functions have no branches, for loops over lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Lobes {
     ggx: Ggx,
@@ -84,8 +103,8 @@ impl Lobes {
         self.mirror & (self.diffuse.x == 0.0) & (self.diffuse.y == 0.0) & (self.diffuse.z == 0.0)
     }
 
-    /// Probability of the specular lobe for a viewer under `cos_o`, by estimated albedo. Never 0 where the lobe reflects at
-    /// all. `below_o` is the coat's complement for the viewer.
+    /// Probability of the specular lobe for a viewer under `cos_o`, by estimated albedo. Never 0 where the lobe
+    /// reflects at all. `below_o` is the coat's complement for the viewer.
     #[inline(always)]
     pub fn p_specular(&self, cos_o: f32, below_o: f32) -> f32 {
         let w = schlick_weight(cos_o).max(SCHLICK_AVERAGE);
@@ -96,8 +115,8 @@ impl Lobes {
         if total > 0.0 { p } else { 1.0 }
     }
 
-    /// Value and density for directions above the surface with half vector `m`; the mirror is not part of it. `split` is what
-    /// the coat leaves to the base.
+    /// Value and density for directions above the surface with half vector `m`; the mirror is not part of it. `split`
+    /// is what the coat leaves to the base.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3, m: Vec3, split: f32, p_specular: f32) -> BsdfEval {
         let cosine = wi.z * FRAC_1_PI;
@@ -148,59 +167,135 @@ fn max_channel(color: Vec3) -> f32 {
     color.x.max(color.y).max(color.z)
 }
 
-/// The lobes with what the coat leaves to the base.
-#[derive(Clone, Copy, Debug)]
-pub struct Glossy<'t> {
-    lobes: Lobes,
-    below: Complement<'t>,
+columns! {
+    /// The lobes with what the coat leaves to the base.
+    #[derive(Debug)]
+    pub struct Glossy<'t> as GlossyLanes {
+        /// Parameters of the lobes.
+        params: GlossyParams,
+        /// Neither metal nor coat: the weight of a sample is then the base colour itself.
+        lambert: bool,
+        /// What the coat leaves to the base.
+        complement: Complement<'t>,
+    }
+}
+
+columns! {
+    /// The viewer's side of it.
+    #[derive(Debug)]
+    pub struct GlossyView as GlossyViewLanes {
+        /// What the coat leaves to the base of light to the viewer.
+        below_o: f32,
+        /// Probability of the specular lobe.
+        p_specular: f32,
+    }
 }
 
 impl<'t> Glossy<'t> {
-    /// Mixes the lobes.
+    /// Of parameters that no material gave.
+    pub fn of(params: &GlossyParams, tables: &'t SpecularAlbedo) -> Self {
+        let lambert = params.metallic == 0.0 && params.f90 == 0.0;
+        Glossy { params: *params, lambert, complement: params.complement(tables) }
+    }
+
+    /// With what a dielectric's surface is like; look-ups are still to be done.
     #[inline(always)]
-    pub fn new(params: &GlossyParams, tables: &'t SpecularAlbedo) -> Self {
-        Glossy { lobes: Lobes::new(params), below: params.complement(tables) }
+    pub fn with(boundary: &Boundary, textured: &Textured, tables: &Tables<'t>) -> Self {
+        let params = GlossyParams::of(boundary, textured);
+        let lambert = (params.metallic == 0.0) & (params.f90 == 0.0);
+        Glossy { params, lambert, complement: tables.none }
     }
 
-    /// Whether light sampling can find nothing: a mirror without a base.
     #[inline(always)]
-    pub fn is_delta(&self) -> bool {
-        self.lobes.is_delta()
+    fn lobes(&self) -> Lobes {
+        Lobes::new(&self.params)
     }
+}
 
-    /// Whether `sample` takes the specular lobe for this viewer and this first number; for reports.
-    pub fn takes_specular(&self, wo: Vec3, u: f32) -> bool {
-        u < self.lobes.p_specular(wo.z, self.below.at(wo.z))
-    }
+impl<'t> Bsdf<'t> for Glossy<'t> {
+    const COLUMNS: bool = true;
+    const TEXTURED: bool = true;
+    const TRANSMITS: bool = false;
+    const DELTAS: bool = true;
+    const LAYERED: bool = true;
 
-    /// Whether the specular lobe is a mirror.
-    pub fn is_mirror(&self) -> bool {
-        self.lobes.mirror
-    }
+    type View = GlossyView;
+    type Drawn = Drawn;
 
-    /// Value and density for a pair of directions; the mirror is not part of it.
     #[inline(always)]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        if !(wo.z > 0.0 && wi.z > 0.0) {
-            return BsdfEval::ZERO;
+    fn new(material: &Material, textured: &Textured, tables: &Tables<'t>, _: f32) -> Self {
+        Glossy::with(&Boundary::of(material), textured, tables)
+    }
+
+    #[inline(always)]
+    fn idle(tables: &Tables<'t>) -> Self {
+        let params = GlossyParams { base_color: Vec3::ZERO, metallic: 0.0, alpha: 0.0, f0: Vec3::ZERO, f90: 0.0 };
+        Glossy { params, lambert: true, complement: tables.none }
+    }
+
+    #[inline(always)]
+    fn look_up(&mut self, tables: &Tables<'t>) {
+        if !self.lambert {
+            self.complement = self.params.complement(tables.albedo);
         }
-        let below_o = self.below.at(wo.z);
-        let split = self.below.split(below_o, self.below.at(wi.z));
-        self.lobes.eval(wo, wi, half_vector(wo, wi), split, self.lobes.p_specular(wo.z, below_o))
     }
 
-    /// Draws a direction; `u` = lobe, u, v. `None` where the chosen facet reflects into the surface.
     #[inline(always)]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let seen = wo.z > 0.0;
-        if !seen {
-            return None;
+    fn is_delta(&self) -> bool {
+        self.lobes().is_delta()
+    }
+
+    #[inline(always)]
+    fn below(&self, cos: f32) -> f32 {
+        if self.lambert { 1.0 } else { self.complement.at(cos) }
+    }
+
+    #[inline(always)]
+    fn view(&self, wo: Vec3, below_o: f32) -> GlossyView {
+        GlossyView { below_o, p_specular: self.lobes().p_specular(wo.z, below_o) }
+    }
+
+    #[inline(always)]
+    fn split(&self, view: &GlossyView, cos_i: f32) -> f32 {
+        if self.lambert { 1.0 } else { self.complement.split(view.below_o, self.complement.at(cos_i)) }
+    }
+
+    #[inline(always)]
+    fn eval(&self, wo: Vec3, wi: Vec3, view: &GlossyView, split: f32) -> BsdfEval {
+        self.lobes().eval(wo, wi, half_vector(wo, wi), split, view.p_specular)
+    }
+
+    #[inline(always)]
+    fn draw(&self, wo: Vec3, u: [f32; 3], view: &GlossyView) -> Drawn {
+        self.lobes().draw(wo, u, view.p_specular)
+    }
+
+    #[inline(always)]
+    fn wi(drawn: &Drawn) -> Vec3 {
+        drawn.wi
+    }
+
+    #[inline(always)]
+    fn weigh(&self, wo: Vec3, drawn: &Drawn, view: &GlossyView, split: f32) -> BsdfSample {
+        let (weight, pdf_sa) = self.lobes().weigh(wo, drawn, split, view.p_specular);
+        let weight = choose(self.lambert, self.params.base_color, weight);
+        BsdfSample { wi: drawn.wi, weight, pdf_sa, eta: 1.0 }
+    }
+
+    fn name(&self) -> &'static str {
+        match (self.lambert, self.params.base_color == Vec3::ZERO) {
+            (true, true) => "black",
+            (true, false) => "lambert",
+            (false, _) => "glossy",
         }
-        let below_o = self.below.at(wo.z);
-        let p_specular = self.lobes.p_specular(wo.z, below_o);
-        let drawn = self.lobes.draw(wo, u, p_specular);
-        let split = self.below.split(below_o, self.below.at(drawn.wi.z));
-        let (weight, pdf_sa) = self.lobes.weigh(wo, &drawn, split, p_specular);
-        (pdf_sa > 0.0).then_some(BsdfSample { wi: drawn.wi, weight, pdf_sa, eta: 1.0 })
+    }
+
+    fn lobe(&self, _: Vec3, u: f32, view: &GlossyView, _: bool) -> &'static str {
+        match (self.lambert, u < view.p_specular) {
+            (true, _) => "diffuse",
+            (false, false) => "diffuse base",
+            (false, true) if self.params.alpha < ALPHA_DELTA => "mirror",
+            (false, true) => "rough specular",
+        }
     }
 }

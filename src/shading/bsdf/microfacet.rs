@@ -1,5 +1,5 @@
-//! GGX microfacets with separable Smith masking, G = G1(wo)·G1(wi), and sampling of visible normals.
-//! Directions in the shading frame, n = +z; wo is above the surface; pdfs in sr⁻¹, of normals or of directions as named.
+//! GGX microfacets with separable Smith masking, G = G1(wo)·G1(wi), and sampling of visible normals. Directions in the
+//! shading frame, n = +z; wo is above the surface; pdfs in sr⁻¹, of normals or of directions as named.
 //!
 //! Sources: Walter et al. 2007 (distribution, masking), Heitz 2014 (anisotropic Λ), Dupuy and Benyoub 2023 (visible
 //! normals by a spherical cap). Every formula is arranged so that no difference of near-equal numbers and no division

@@ -1,38 +1,38 @@
 //! Scattering functions. Directions in the shading frame, n = +z; `eval` includes |cos θ_i|; pdfs in sr⁻¹.
-
-use glam::Vec3;
+//!
+//! [`model`] is the contract of them all. This page is their list.
 
 pub mod albedo;
+pub mod body;
+pub mod clearcoat;
 pub mod dielectric;
+pub mod film;
+pub mod finish;
 pub mod fresnel;
 pub mod glossy;
 pub mod lambert;
 pub mod microfacet;
+pub mod model;
+pub mod sheen;
+pub mod sheen_albedo;
+pub mod translucent;
 
-/// Value and density of a BSDF for one pair of directions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BsdfEval {
-    /// f(wo, wi)·|cos θ_i|, per channel, sr⁻¹.
-    pub f_cos: Vec3,
-    /// Density of `sample` choosing `wi`, sr⁻¹. 0 where `f_cos` is 0 by support.
-    pub pdf_sa: f32,
+/// The scattering models: hands them to the macro `$apply`, which makes kinds of materials, queues and the dispatch of
+/// kernels of them. The first whose condition a material (with its facts) meets shades it. To add one: implement
+/// [`Bsdf`](model::Bsdf) in a file of this folder and add a line here.
+macro_rules! models {
+    ($apply:ident) => {
+        $apply! {
+            /// Layers over any other surface, and textures of extensions.
+            Layers: $crate::shading::bsdf::clearcoat::Clearcoat<'_>, |facts, _| facts.has(Fact::Layers);
+            /// Exact Lambert without textures and vertex colours: the lean kernel.
+            Lambert: $crate::shading::bsdf::lambert::Lambert, |facts, _| facts.is_diffuse() && facts.is_plain();
+            /// Opaque and lit: coats, metals, textures.
+            Opaque: $crate::shading::bsdf::glossy::Glossy<'_>, |facts, _| !facts.transmits() && !facts.has(Fact::Unlit);
+            /// Everything else: what transmits or is unlit.
+            General: $crate::shading::surface::Surface<'_>, |_, _| true;
+        }
+    };
 }
 
-impl BsdfEval {
-    /// Nothing scattered, never sampled.
-    pub const ZERO: BsdfEval = BsdfEval { f_cos: Vec3::ZERO, pdf_sa: 0.0 };
-}
-
-/// A direction drawn from a BSDF.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BsdfSample {
-    /// Unit direction towards the light.
-    pub wi: Vec3,
-    /// f·|cos θ_i| / pdf, per channel: what the throughput is multiplied by. Finite, ≥ 0. Radiance convention: includes
-    /// 1/η² on refraction into a medium of relative index η (so that L/n² is conserved).
-    pub weight: Vec3,
-    /// Density of the choice, sr⁻¹; +∞ for a delta lobe, which light sampling cannot hit.
-    pub pdf_sa: f32,
-    /// n(side of wi)/n(side of wo): 1 for reflection.
-    pub eta: f32,
-}
+pub(crate) use models;

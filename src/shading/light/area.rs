@@ -1,12 +1,14 @@
-//! Emissive triangles and parallelograms: one-sided, sampled uniformly by area. Metres, W·sr⁻¹·m⁻², pdf_sa in sr⁻¹.
+//! Emissive triangles and parallelograms: one-sided, sampled uniformly by area. Metres, W·sr⁻¹·m⁻², pdf_sa in
+//! sr⁻¹. What emits from both sides is two lights, back to back: the choice of a light then knows which of them a
+//! receiver can see.
 //!
 //! Square to triangle: the map of least distortion that costs no root (Heitz 2019, "A Low-Distortion Map Between
 //! Triangle and Square"). Two triangles that are the halves of a parallelogram are one light, which the square maps to
-//! as it is.
-//! Limit: the spread of one sample grows near a large emitter (relative 0.01 to 0.13 over the floor and most of the
-//! walls of the Cornell box, 0.4 beside its lamp); MIS covers that. All light sampling at the first surface together
-//! makes about 1/30 of the squared error of the Cornell box at 16 samples per pixel, so sampling by solid angle has little to
-//! win: a density bilinear between the corners' cos/d⁴ took 4 % off the error there (its time was not resolved).
+//! as it is. Limit: the spread of one sample grows near a large emitter (relative 0.01 to 0.13 over the floor and most
+//! of the walls of the Cornell box, 0.4 beside its lamp); MIS covers that. All light sampling at the first surface
+//! together makes about 1/30 of the squared error of the Cornell box at 16 samples per pixel, so sampling by solid
+//! angle has little to win: a density bilinear between the corners' cos/d⁴ took 4 % off the error there (its time was
+//! not resolved).
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -14,11 +16,11 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use super::grow::Emitter;
-use super::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
+use super::sample::{LightPoint, LightSample, TexturePoint, channel_mean, is_radiance};
 use crate::math::float::UNIT_ROUNDOFF;
+use crate::math::quad::Quad;
 use crate::scene::geometry::{Geometry, Triangle};
-use crate::scene::material::Material;
-use crate::scene::{AlphaMode, Texture};
+use crate::scene::{AlphaMode, Material, Texture};
 
 /// What a material emits.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +31,8 @@ pub struct Emission {
     textured: bool,
     /// Mean over channels and over the texture: what the intensity of a triangle is computed from.
     mean: f64,
+    /// Whether the back emits as the front does.
+    double_sided: bool,
 }
 
 impl Emission {
@@ -40,13 +44,13 @@ impl Emission {
         let texture = material.emissive_texture.and_then(|slot| textures.get(slot.texture.index()));
         let mean = match texture {
             _ if !material.is_emissive() => 0.0,
-            // The triangles of a material share the mean, so one on a dark part is drawn too often, never too seldom for its
-            // estimate to be unbiased: the mean is 0 only where every texel is.
+            // The triangles of a material share the mean, so one on a dark part is drawn too often, never too seldom
+            // for its estimate to be unbiased: the mean is 0 only where every texel is.
             Some(texture) => channel_mean(material.emissive * texture.mean()),
             None => channel_mean(material.emissive),
         };
         let textured = texture.is_some() || material.effective_alpha(textures) != AlphaMode::Opaque;
-        Some(Emission { radiance: material.emissive, textured, mean })
+        Some(Emission { radiance: material.emissive, textured, mean, double_sided: material.double_sided })
     }
 
     /// Radiance of the front side, before a texture.
@@ -88,6 +92,8 @@ pub struct Members {
     pub first: u32,
     /// The same, of the other half of a parallelogram.
     pub second: Option<u32>,
+    /// Whether it is their back: the light of that number less one is their front.
+    pub back: bool,
 }
 
 /// The lights among the triangles of the world mesh, in its order, and what each is made of. Neighbours in that order
@@ -113,7 +119,11 @@ pub fn find(geometry: &Geometry, emissions: &[Emission]) -> Vec<(AreaLight, Memb
                 Some(light) => (light, pair.map(|next| next as u32)),
                 None => (AreaLight::new(index as u32, triangle), None),
             };
-            found.push((light, Members { first: index as u32, second }));
+            let members = Members { first: index as u32, second, back: false };
+            found.push((light, members));
+            if emission.double_sided {
+                found.push((light.back(), Members { back: true, ..members }));
+            }
             index += usize::from(second.is_some());
         }
         index += 1;
@@ -127,24 +137,25 @@ impl AreaLight {
         AreaLight { v0, e1, e2, n_g, area_m2: triangle.area(), error: triangle.error, triangle: index, material }
     }
 
-    /// The parallelogram of two triangles with a common edge and one normal; `None` if they are not its halves to within
-    /// the rounding of their corners.
+    /// The same area, emitting to the other side.
+    fn back(self) -> Self {
+        AreaLight { n_g: self.n_g.map(|c| -c), ..self }
+    }
+
+    /// The parallelogram of two triangles with a common edge and one normal; `None` if they are not its halves to
+    /// within the rounding of their corners.
     fn join(triangles: [&Triangle; 2], corners: [[Vec3; 3]; 2]) -> Option<Self> {
-        let [mine, other] = corners;
-        let apex = (0..3).find(|&i| !other.contains(&mine[i]))?;
-        let (origin, right, left) = (mine[apex], mine[(apex + 1) % 3], mine[(apex + 2) % 3]);
-        let far = other.into_iter().find(|corner| !mine.contains(corner))?;
-        let shared = other.contains(&right) && other.contains(&left);
+        let quad = Quad::of(&corners[0], &corners[1])?;
+        let [origin, right, _, left] = quad.corners;
         let (e1, e2) = (right.as_dvec3() - origin.as_dvec3(), left.as_dvec3() - origin.as_dvec3());
-        let size = corners.as_flattened().iter().fold(Vec3::ZERO, |size, corner| size.max(corner.abs())).max_element();
-        let rounding = CORNER_ROUNDINGS * size * UNIT_ROUNDOFF;
-        let gap = (origin.as_dvec3() + e1 + e2 - far.as_dvec3()).length() as f32;
+        let rounding = CORNER_ROUNDINGS * quad.reach() * UNIT_ROUNDOFF;
+        let gap = quad.gap().length() as f32;
         let normal = e1.cross(e2);
         let n_g = normal.normalize_or_zero().as_vec3();
         // Mirrored placements turn both normals against the order of the corners.
         let facing = triangles.map(|triangle| n_g.dot(Vec3::from(triangle.n_g)));
         let flat = facing[0].abs() > FLAT_COS && facing[1].abs() > FLAT_COS && facing[0] * facing[1] > 0.0;
-        (shared && gap <= rounding && flat).then(|| AreaLight {
+        (gap <= rounding && flat).then(|| AreaLight {
             v0: origin.into(),
             e1: e1.as_vec3().into(),
             e2: e2.as_vec3().into(),
@@ -254,8 +265,8 @@ const CORNER_ROUNDINGS: f32 = 4.0;
 /// Cosine between normals that are one up to rounding.
 const FLAT_COS: f32 = 0.999_999;
 
-/// Radiance that an emissive triangle of radiance `radiance` sends towards a viewer under `cos_light` to `n_g`: its back
-/// is black.
+/// Radiance that an emissive triangle of radiance `radiance` sends towards a viewer under `cos_light` to `n_g`: its
+/// back is black.
 #[inline(always)]
 pub fn emitted(radiance: Vec3, cos_light: f32) -> Vec3 {
     if cos_light > 0.0 { radiance } else { Vec3::ZERO }

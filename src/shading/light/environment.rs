@@ -2,24 +2,24 @@
 //!
 //! For a unit direction d, u = 0.5 + atan2(d.x, −d.z)/2π and v = acos(d.y)/π; row 0 is the top. Turning the map
 //! counter-clockwise about +Y by an angle a adds a/2π to u. Directions are drawn by texel and uniformly per steradian
-//! within the texel, so the density is the texel's probability over its exact solid angle Δφ·(cos θ₀ − cos θ₁): finite
-//! at the poles. A texel's radiance is the mean of the bilinear radiance over it (its 3×3 neighbourhood by 1/8, 3/4, 1/8
-//! on each axis), which is above 0 wherever the radiance is, not only around bright texel centres.
+//! within the texel, so the density is the texel's probability over its exact solid angle Δφ·(cos θ₀ − cos
+//! θ₁): finite at the poles. A texel's radiance is the mean of the bilinear radiance over it (its 3×3 neighbourhood
+//! by 1/8, 3/4, 1/8 on each axis), which is above 0 wherever the radiance is, not only around bright texel centres.
 //!
-//! What lies below the map's average is left to BSDF sampling but for a tenth: the weight of a texel is its radiance less
-//! the average (Karlík et al. 2019, "MIS Compensation"), at least a tenth of the radiance, so that light sampling alone
-//! stays unbiased. On `env-object` at 16 spp relMSE falls from 0.149 to 0.071 (0.065 with a fiftieth, 0.098 with half of
-//! the average taken off).
+//! What lies below the map's average is left to BSDF sampling but for a tenth: the weight of a texel is its radiance
+//! less the average (Karlík et al. 2019, "MIS Compensation"), at least a tenth of the radiance, so that light sampling
+//! alone stays unbiased. On `env-object` at 16 spp relMSE falls from 0.149 to 0.071 (0.065 with a fiftieth, 0.098 with
+//! half of the average taken off).
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{LightSample, channel_mean, is_radiance};
+use super::sample::{LightSample, channel_mean, is_radiance};
 use crate::error::{Error, Result};
 use crate::math::angle::{atan2_turns, sin_cos_turns};
-use crate::math::isa;
 use crate::math::lanes::lanes_of;
+use crate::math::simd::prefetch::fetch;
 use crate::math::table::{Distribution2D, TableError};
 use crate::scene::light::Environment;
 
@@ -156,8 +156,8 @@ impl EnvironmentLight {
         // The texels are looked up when the directions are known.
         for i in 0..N {
             let at = cells.row[i] as usize * self.width as usize + cells.column[i] as usize;
-            isa::fetch::<1>(self.texels.as_ptr().wrapping_add(at).cast());
-            isa::fetch::<1>(self.texels.as_ptr().wrapping_add(at + self.width as usize).cast());
+            fetch::<1>(self.texels.as_ptr().wrapping_add(at).cast());
+            fetch::<1>(self.texels.as_ptr().wrapping_add(at + self.width as usize).cast());
         }
         let (mut upper, mut lower, mut per_steradian) = ([0.0; N], [0.0; N], [0.0; N]);
         for i in 0..N {
@@ -201,7 +201,8 @@ impl EnvironmentLight {
         self.pdfs(&MapPoints { u: [point.u], v: [point.v] }, 1)[0]
     }
 
-    /// Densities of [`sample`](Self::sample) for the directions of points of the map, at the lanes of the bit mask `lanes`.
+    /// Densities of [`sample`](Self::sample) for the directions of points of the map, at the lanes of the bit mask
+    /// `lanes`.
     #[inline(always)]
     pub fn pdfs<const N: usize>(&self, points: &MapPoints<N>, lanes: u16) -> [f32; N] {
         let (mut columns, mut rows) = ([0; N], [0; N]);
@@ -251,8 +252,8 @@ impl EnvironmentLight {
         Vec3::from_array(self.lookup(&MapPoints { u: [point.u], v: [point.v] }, 1).map(|[channel]| channel))
     }
 
-    /// Radiance at points of the map, by channel: bilinear between texel centres, at the lanes of the bit mask `lanes`. All texels
-    /// are read before anything is computed from them, so that the waits for memory overlap.
+    /// Radiance at points of the map, by channel: bilinear between texel centres, at the lanes of the bit mask `lanes`.
+    /// All texels are read before anything is computed from them, so that the waits for memory overlap.
     #[inline(always)]
     pub fn lookup<const N: usize>(&self, points: &MapPoints<N>, lanes: u16) -> [[f32; N]; 3] {
         let (width, height) = (self.width as i32, self.height as i32);

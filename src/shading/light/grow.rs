@@ -3,10 +3,9 @@
 //! Top down. The lights of a node are cut in two, then the costliest part again, until there are eight. The cost of a
 //! part is intensity × extent² × spread of directions; a cut is the cheapest of 15 planes on each axis through the
 //! lights' centres. Deep down (lights that lie on a logarithmic scale) parts are halved by number, so that every path
-//! fits 64 bits. Sequential and in f64: the same tree for any number of threads.
-//! Source: Conty Estevez and Kulla 2018 (surface area orientation heuristic), with the squared diagonal in the place of
-//! the area, which lights in one plane or on one line would bring to 0, and with the mean direction's length for the
-//! spread.
+//! fits 64 bits. Sequential and in f64: the same tree for any number of threads. Source: Conty Estevez and Kulla 2018
+//! (surface area orientation heuristic), with the squared diagonal instead of the area, which lights in one plane or on
+//! one line would bring to 0, and with the mean direction's length for the spread.
 
 use glam::{DVec3, Vec3};
 
@@ -30,7 +29,8 @@ pub struct Emitter {
     pub corners: [Vec3; 4],
     /// Direction of the largest intensity.
     pub axis: Vec3,
-    /// Half angle around the axis within which the intensity is that of the axis, rad: 0 for a triangle, π for a point.
+    /// Half angle around the axis within which the intensity is that of the axis, rad: 0 for a triangle, π for a
+    /// point.
     pub spread: f64,
     /// Angle beyond `spread` at which emission ends, rad; until then it falls off at most like the cosine of it.
     pub reach: f64,

@@ -1,9 +1,10 @@
 //! Light sources as the estimator sees them: choose one, draw a point, know the density of any direction.
 //!
-//! Lights are numbered: emissive triangles and parallelograms of the world mesh first, in their order there, then punctual
-//! lights, then the environment. Emission is one-sided, along `n_g`. Densities are in sr⁻¹ and include the choice of the light. Colours
-//! count by the mean of their channels where one number is needed, because errors are measured per channel.
-//! Refuses: radiance that is negative or not finite. What is black is never chosen.
+//! Lights are numbered: emissive triangles and parallelograms of the world mesh first, in their order there, then
+//! punctual lights, then the environment. Emission is one-sided, along `n_g`; what emits from both sides is two lights,
+//! of which the back has the number after the front's. Densities are in sr⁻¹ and include the
+//! choice of the light. Colours count by the mean of their channels where one number is needed, because errors are
+//! measured per channel. Refuses: radiance that is negative or not finite. What is black is never chosen.
 
 use glam::Vec3;
 
@@ -16,50 +17,15 @@ pub mod area;
 pub mod environment;
 pub mod grow;
 pub mod punctual;
+mod sample;
 pub mod select;
 pub mod tree;
+
+pub use sample::{LightPoint, LightSample, TexturePoint};
 
 use area::{AreaLight, Emission, Members};
 use environment::{EnvironmentLight, Seen};
 use select::{ByReceiver, Distant, Selected, Selection, Selector};
-
-/// A point on a light, drawn for a receiver.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightSample {
-    /// Unit direction from the receiver to the light.
-    pub wi: Vec3,
-    /// Where the light is hit; `None` for lights at infinity.
-    pub target: Option<LightPoint>,
-    /// Radiance arriving along −wi. For delta lights: W/m² per unit of |cos| (intensity/d², or irradiance).
-    pub radiance: Vec3,
-    /// Where an emission texture, and whether the emitter is there, has to be looked up and multiplied into `radiance`;
-    /// `None` where that is complete.
-    pub texture_point: Option<TexturePoint>,
-    /// Density of the choice of light and direction together, sr⁻¹. For delta lights the selection probability alone.
-    pub pdf_sa: f32,
-    /// Whether BSDF sampling can never find this light (punctual): no MIS then.
-    pub delta: bool,
-}
-
-/// A sampled point at a finite distance, with what a shadow ray needs to stop short of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightPoint {
-    /// World position.
-    pub position: Vec3,
-    /// Unit geometric normal of the emitter on the side of the receiver; zero for a punctual light.
-    pub normal: Vec3,
-    /// Error bound of `position`, metres (see `math::float`).
-    pub error: f32,
-}
-
-/// A point on a triangle whose emission comes from a texture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TexturePoint {
-    /// Index into [`Geometry::triangles`].
-    pub triangle: u32,
-    /// Weights of the second and third corner.
-    pub barycentric: [f32; 2],
-}
 
 /// An emissive triangle as a ray met it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +43,7 @@ pub struct EmitterHit {
 /// How many lights of each kind there are, for the plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightCounts {
-    /// Emissive triangles; two that make up a parallelogram count once.
+    /// Emissive triangles; two that make up a parallelogram count once, and one that emits from both sides twice.
     pub triangles: usize,
     /// Punctual lights.
     pub punctual: usize,
@@ -156,7 +122,7 @@ impl Lights {
         for triangle in &mut geometry.triangles {
             triangle.light = u32::MAX;
         }
-        for (number, members) in self.members.iter().enumerate() {
+        for (number, members) in self.members.iter().enumerate().filter(|(_, members)| !members.back) {
             for triangle in [Some(members.first), members.second].into_iter().flatten() {
                 geometry.triangles[triangle as usize].light = number as u32;
             }
@@ -177,7 +143,7 @@ impl Lights {
         self.selection() == Selection::Dark
     }
 
-    /// How a light is chosen. Only [`Selection::Receiver`] looks at the receiver.
+    /// How a light is chosen. Only [`Selection::Receiver`] depends on the receiver.
     pub fn selection(&self) -> Selection {
         self.selector.selection()
     }
@@ -189,8 +155,8 @@ impl Lights {
         self.selector.p_select(light, p, n)
     }
 
-    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with unit normal `n`, or n = 0
-    /// where light from both sides counts. `None` where the chosen light cannot send anything there.
+    /// Draws a light by `u[0]` and a point on it by `u[1]`, `u[2]`, for a receiver at `p` with unit normal `n`, or n =
+    /// 0 where light from both sides counts. `None` where the chosen light cannot send anything there.
     #[inline]
     pub fn sample(&self, p: Vec3, n: Vec3, u: [f32; 3]) -> Option<LightSample> {
         let chosen = self.selector.select(p, n, refined(u))?;
@@ -212,8 +178,8 @@ impl Lights {
         (sample.pdf_sa > 0.0 && sample.pdf_sa < f32::INFINITY).then_some(sample)
     }
 
-    /// Density with which [`sample`](Self::sample) would have drawn the direction of a ray from `p` that met the emissive
-    /// triangle of `hit`; 0 behind it.
+    /// Density with which [`sample`](Self::sample) would have drawn the direction of a ray from `p` that met the
+    /// emissive triangle of `hit`; 0 behind it.
     #[inline]
     pub fn pdf_triangle(&self, p: Vec3, n: Vec3, hit: &EmitterHit) -> f32 {
         if hit.cos_light > 0.0 {
@@ -224,8 +190,8 @@ impl Lights {
         }
     }
 
-    /// The one light of the scene, if it is a triangle or a parallelogram without texture, with its radiance: such a scene
-    /// chooses nothing.
+    /// The one light of the scene, if it is a triangle or a parallelogram without texture, with its radiance: such a
+    /// scene chooses nothing.
     pub fn only_area(&self) -> Option<(&AreaLight, Vec3)> {
         let light = self.areas.first().filter(|_| self.selection() == Selection::Single)?;
         let emission = &self.emissions[light.material as usize];
@@ -233,8 +199,8 @@ impl Lights {
             .then(|| (light, emission.radiance()))
     }
 
-    /// How lights are chosen where the receiver counts: the first half of [`sample`](Self::sample) for many receivers at
-    /// once.
+    /// How lights are chosen where the receiver counts: the first half of [`sample`](Self::sample) for many receivers
+    /// at once.
     #[inline(always)]
     pub fn by_receiver(&self) -> Option<&ByReceiver> {
         self.selector.by_receiver()
@@ -282,8 +248,8 @@ impl Lights {
         self.selector.p_select((self.areas.len() + self.punctual.len()) as u32, p, n)
     }
 
-    /// What a ray from `p` in the unit direction `dir` finds when it leaves the scene, with the density of the direction
-    /// under [`sample`](Self::sample) for that receiver; black without an environment.
+    /// What a ray from `p` in the unit direction `dir` finds when it leaves the scene, with the density of the
+    /// direction under [`sample`](Self::sample) for that receiver; black without an environment.
     #[inline]
     pub fn environment_seen(&self, dir: Vec3, p: Vec3, n: Vec3) -> Seen {
         self.environment.as_ref().map_or(Seen { radiance: Vec3::ZERO, pdf_sa: 0.0 }, |light| {
@@ -307,14 +273,4 @@ pub fn refined([u, v, w]: [f32; 3]) -> f64 {
     let mixed = (lattice(v).wrapping_mul(0x9E37_79B1) ^ lattice(w)).wrapping_mul(0x85EB_CA6B);
     const SCALE: f64 = 1.0 / (1u64 << 48) as f64;
     f64::from(u) + f64::from((mixed >> 8) as i32) * SCALE
-}
-
-/// What a colour counts where one number is needed.
-fn channel_mean(color: Vec3) -> f64 {
-    (f64::from(color.x) + f64::from(color.y) + f64::from(color.z)) / 3.0
-}
-
-/// Whether every channel is a finite number ≥ 0.
-fn is_radiance(color: Vec3) -> bool {
-    color.is_finite() && color.cmpge(Vec3::ZERO).all()
 }

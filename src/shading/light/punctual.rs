@@ -2,14 +2,14 @@
 //!
 //! The spot falls off with the square of the cosine's linear ramp between the inner and the outer angle, as the
 //! extension's text has it; a cone whose angles are equal ends at a sharp edge (no least width, which would dim narrow
-//! cones). `range` is not read: it has no physical meaning.
+//! cones). Where the file states a `range`, light ends there by the window that the text recommends.
 
 use std::f64::consts::PI;
 
 use glam::Vec3;
 
 use super::grow::Emitter;
-use super::{LightPoint, LightSample, channel_mean, is_radiance};
+use super::sample::{LightPoint, LightSample, channel_mean, is_radiance};
 use crate::scene::light::{PunctualKind, PunctualLight};
 
 /// Largest reach of a spot, rad: short of π/2, where its bound would be 0.
@@ -22,12 +22,14 @@ pub struct Light {
     direction: Vec3,
     intensity: Vec3,
     kind: PunctualKind,
+    /// Square of the range, m²; infinite where there is none.
+    range2: f32,
 }
 
 impl Light {
     /// Checks the numbers of a light; the error says which one is wrong.
     pub fn new(light: &PunctualLight) -> Result<Self, String> {
-        let &PunctualLight { position, direction, intensity, kind, .. } = light;
+        let &PunctualLight { position, direction, intensity, kind, range_m, .. } = light;
         if !is_radiance(intensity) {
             return Err(format!("intensity is {intensity}, expected finite and >= 0"));
         }
@@ -47,7 +49,10 @@ impl Light {
         {
             return Err(format!("cosines of the cone are {cos_inner} inside and {cos_outer} outside"));
         }
-        Ok(Light { position, direction, intensity, kind })
+        if !(range_m > 0.0) {
+            return Err(format!("range is {range_m} m, expected one above 0"));
+        }
+        Ok(Light { position, direction, intensity, kind, range2: range_m * range_m })
     }
 
     /// What the choice of a light has to know; `None` for a directional light.
@@ -86,7 +91,10 @@ impl Light {
             PunctualKind::Spot { cos_inner, cos_outer } => ramp(-wi.dot(self.direction), cos_inner, cos_outer),
             _ => 1.0,
         };
-        let radiance = self.intensity * (ramp * ramp / distance2);
+        // 1 without a range.
+        let share = distance2 / self.range2;
+        let window = (1.0 - share * share).max(0.0);
+        let radiance = self.intensity * (ramp * ramp / distance2 * window);
         // At the light itself there is no direction to it.
         let lit = radiance.max_element() > 0.0 && radiance.is_finite();
         let target = LightPoint { position: self.position, normal: Vec3::ZERO, error: 0.0 };

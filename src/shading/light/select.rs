@@ -103,8 +103,8 @@ fn lattice(u: f64) -> f32 {
 }
 
 impl Selector {
-    /// A selector over `lights` lights: those at a finite distance, and those at infinity by ascending number. Others are
-    /// never chosen.
+    /// A selector over `lights` lights: those at a finite distance, and those at infinity by ascending number. Others
+    /// are never chosen.
     ///
     /// # Errors
     /// More lights at infinity than the table holds, or an irradiance that overflows.
@@ -146,8 +146,8 @@ impl Selector {
         }
     }
 
-    /// Probability with which [`select`](Self::select) chooses `light` for that receiver, to the last bit; 0 for a light
-    /// that is never chosen.
+    /// Probability with which [`select`](Self::select) chooses `light` for that receiver, to the last bit; 0 for a
+    /// light that is never chosen.
     #[inline]
     pub fn p_select(&self, light: u32, p: Vec3, n: Vec3) -> f32 {
         match &self.choice {
@@ -158,7 +158,7 @@ impl Selector {
         }
     }
 
-    /// The choice that looks at the receiver, where it is made.
+    /// The choice that depends on the receiver.
     #[inline(always)]
     pub fn by_receiver(&self) -> Option<&ByReceiver> {
         match &self.choice {

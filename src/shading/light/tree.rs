@@ -196,9 +196,9 @@ fn weight(child: Bounds, receiver: Receiver) -> f32 {
     smaller(child.intensity * inverse2, LARGEST_WEIGHT) * seen
 }
 
-/// A bound of cos(a − b), at most 1, for a in [0,π] and b in [0,π/2], without a root: both roots of
-/// cos a √(1 − sin²b) + sin b √(1 − cos²a) are taken as √(1 − x) ≤ 1 − x/2. For cos a < 0 it is no bound, but above 0 where
-/// cos(a − b) is.
+/// A bound of cos(a − b), at most 1, for a in [0,π] and b in [0,π/2], without a root: both roots of cos a √(1 −
+/// sin²b) + sin b √(1 − cos²a) are taken as √(1 − x) ≤ 1 − x/2. For cos a < 0 it is no bound, but above 0
+/// where cos(a − b) is.
 #[inline(always)]
 fn cos_less(cos_a: f32, sin_b: f32) -> f32 {
     smaller((cos_a + sin_b) * (1.0 - 0.5 * (cos_a * sin_b)), 1.0)
@@ -219,8 +219,8 @@ fn smaller(a: f32, b: f32) -> f32 {
 /// 2^52: an f64 that counts from here has the count in its lowest bits.
 const NONE_PASSED: f64 = (1u64 << 52) as f64;
 
-/// Weights of a node's children with their sums, for N receivers that may stand before nodes of their own. In f64, where
-/// lights of twelve decades can be told apart.
+/// Weights of a node's children with their sums, for N receivers at separate nodes. In f64, where lights of twelve
+/// decades can be told apart.
 pub struct Shares<const N: usize> {
     /// Sums up to and including each child.
     upto: [[f64; N]; WIDTH],
@@ -232,7 +232,7 @@ pub struct Drawn<const N: usize> {
     pub slot: [u64; N],
     /// Probability that it is drawn.
     pub p: [f64; N],
-    /// What is left of the number, in [0,1).
+    /// The rest of the number, rescaled to [0,1).
     pub u: [f64; N],
 }
 
@@ -264,7 +264,8 @@ impl<const N: usize> Shares<N> {
         for i in 0..N {
             let total = self.total()[i];
             let at = u[i] * total;
-            // The last sum that was passed and the first that was not: sums only grow. Counted in the columns' own width.
+            // The last sum that was passed and the first that was not: sums only grow. Counted in the columns' own
+            // width.
             let (mut slot, mut before, mut after) = (NONE_PASSED, 0.0, total);
             for k in 0..WIDTH - 1 {
                 let sum = self.upto[k][i];
@@ -327,7 +328,8 @@ pub struct View {
 }
 
 impl View {
-    /// Bound of the irradiance at the receiver, in the unit of the tree; where it is 0 no light of the tree can reach it.
+    /// Bound of the irradiance at the receiver, in the unit of the tree; where it is 0 no light of the tree can reach
+    /// it.
     #[inline(always)]
     pub fn weight(&self) -> f64 {
         self.shares.total()[0]
@@ -380,8 +382,8 @@ impl LightTree {
         self.paths.get(light as usize).is_some_and(|&path| path != NO_PATH)
     }
 
-    /// Probability with which [`select`](Self::select) draws `light`, which the tree holds, from the same view: the same
-    /// numbers in the same order, so the same bits.
+    /// Probability with which [`select`](Self::select) draws `light`, which the tree holds, from the same view: the
+    /// same numbers in the same order, so the same bits.
     #[inline]
     pub fn p(&self, view: &View, light: u32) -> f64 {
         let mut path = self.paths[light as usize];

@@ -1,0 +1,97 @@
+//! The plan as programs and people read it: in `info`, and as `pathspace/plan` in every EXR.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::bias::Bias;
+use super::effects::table::Effects;
+use super::render_plan::RenderPlan;
+use crate::backend::BackendInfo;
+
+/// What is reported of a plan. Its JSON keys are a contract: keys may be added, never renamed.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlanRecord {
+    /// What the scene asks for, what runs, what does not and why.
+    pub effects: Effects,
+    /// Names of the stages that run, in order.
+    pub stages: Vec<&'static str>,
+    /// Effective query mode of each class of rays.
+    pub rays: RayModeRecord,
+    /// Paths of one wave.
+    pub wave: usize,
+    /// Known biases.
+    pub bias: Vec<Bias>,
+    /// Extra outputs, as the command line names them.
+    pub aovs: Vec<&'static str>,
+    /// What traces.
+    pub backend: BackendRecord,
+}
+
+/// The choice of a backend.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct BackendRecord {
+    /// Which.
+    pub name: &'static str,
+    /// Why it is that one.
+    pub reason: String,
+}
+
+/// Effective query modes.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct RayModeRecord {
+    /// Camera rays.
+    pub camera: &'static str,
+    /// Rays after a scattering.
+    pub bounce: &'static str,
+    /// Shadow rays.
+    pub shadow: &'static str,
+}
+
+impl PlanRecord {
+    /// The record of a plan and its backend.
+    pub fn of(plan: &RenderPlan, backend: &BackendInfo) -> Self {
+        PlanRecord {
+            effects: plan.effects.clone(),
+            stages: plan.stages.clone(),
+            rays: RayModeRecord {
+                camera: backend.rays_coherent,
+                bounce: backend.rays_incoherent,
+                shadow: backend.rays_shadow,
+            },
+            wave: plan.wave,
+            bias: plan.bias.clone(),
+            aovs: plan.aovs.iter().map(|aov| aov.name()).collect(),
+            backend: BackendRecord { name: plan.backend.name(), reason: plan.backend_reason.clone() },
+        }
+    }
+}
+
+impl fmt::Display for PlanRecord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |names: &[String]| if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
+        writeln!(f, "asks for    {}", list(&self.effects.found))?;
+        writeln!(f, "simulated   {}", list(&self.effects.simulated))?;
+        for ignored in &self.effects.ignored {
+            writeln!(f, "ignored     {}: {}", ignored.what, ignored.why)?;
+        }
+        writeln!(f, "stages      {}", self.stages.join(", "))?;
+        writeln!(f, "traced by   {}: {}", self.backend.name, self.backend.reason)?;
+        let rays = &self.rays;
+        writeln!(f, "rays        camera {}, bounce {}, shadow {}", rays.camera, rays.bounce, rays.shadow)?;
+        write!(f, "wave        {} paths", self.wave)?;
+        if !self.aovs.is_empty() {
+            write!(f, "\naov         {}", self.aovs.join(", "))?;
+        }
+        for bias in &self.bias {
+            write!(f, "\nbias        {}", bias.what)?;
+            if let Some(most) = bias.radiance_removed_at_most {
+                write!(f, ": takes at most {most:.2e} W/(sr m²) from any radiance")?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,322 @@
+//! Every decision of a render, resolved once from scene and options.
+
+use std::fmt;
+use std::time::Duration;
+
+use glam::Vec3;
+
+use super::aov::Aov;
+use super::bias::{self, Bias};
+use super::effects::asked::Asked;
+use super::effects::table::{self, Effects, Features};
+use super::options::{CameraChoice, Crop, FilterKind, Fog, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
+use crate::backend::{BackendKind, BackendOptions, QueryMode, select};
+use crate::error::{Error, Result};
+use crate::machine;
+use crate::math::simd::detect;
+use crate::scene::Scene;
+use crate::scene::geometry::Geometry;
+
+/// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
+/// stay inside 1 MiB of L2.
+pub const WAVE: usize = 2048;
+
+/// Largest image side, pixels.
+pub const MAX_SIDE: u32 = 1 << 16;
+
+/// Largest number of path edges that may be asked for.
+pub const MAX_DEPTH: u32 = 1 << 16;
+
+/// Query mode of each ray class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RayModes {
+    /// Camera rays (coherent).
+    pub camera: QueryMode,
+    /// Rays after a scattering (incoherent).
+    pub bounce: QueryMode,
+    /// Shadow rays.
+    pub shadow: QueryMode,
+}
+
+/// When a render ends: the first of these that is met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Samples per pixel.
+    pub spp: Option<u64>,
+    /// Wall time.
+    pub time: Option<Duration>,
+    /// Estimated √relMSE.
+    pub error: Option<f64>,
+    /// Samples per pixel before `error` is checked.
+    pub min_spp: u64,
+}
+
+/// Every decision of a render.
+#[derive(Clone, Debug)]
+pub struct RenderPlan {
+    /// Full image: columns, rows.
+    pub resolution: (u32, u32),
+    /// The pixels that are rendered.
+    pub window: Crop,
+    /// Index into `Scene::cameras`.
+    pub camera: usize,
+    /// Finite aperture; `None` is a pinhole.
+    pub lens: Option<Lens>,
+    /// A medium that fills the scene, and the sphere that it fills.
+    pub fog: Option<FogSphere>,
+    /// Pixel filter.
+    pub filter: FilterKind,
+    /// When to end.
+    pub limits: Limits,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Index of every pixel's first sample.
+    pub sample_start: u64,
+    /// Worker threads, ≥ 1.
+    pub threads: usize,
+    /// Largest number of path edges.
+    pub max_depth: u32,
+    /// Russian roulette.
+    pub roulette: Roulette,
+    /// First path vertex at which roulette may end a path; 1 is the first surface.
+    pub roulette_start: u32,
+    /// How light is found: techniques, and the heuristic that weighs them.
+    pub strategy: Strategy,
+    /// Random numbers.
+    pub sampler: SamplerKind,
+    /// Ray backend.
+    pub backend: BackendKind,
+    /// Why it is that one.
+    pub backend_reason: String,
+    /// Query mode of each ray class.
+    pub rays: RayModes,
+    /// Instruction set to pin.
+    pub isa: Option<String>,
+    /// Whether shading runs in AVX-512: the processor has it and no narrower instruction set is pinned.
+    pub avx512: bool,
+    /// Robust traversal.
+    pub robust: bool,
+    /// Paths of one wave.
+    pub wave: usize,
+    /// The gates that the stages read.
+    pub features: Features,
+    /// The same for people and programs.
+    pub effects: Effects,
+    /// Layers besides the beauty.
+    pub aovs: Vec<Aov>,
+    /// Names of the stages that run, in order.
+    pub stages: Vec<&'static str>,
+    /// Known biases, the depth limit first.
+    pub bias: Vec<Bias>,
+    /// Largest radiance that can arrive anywhere, by channel, W·sr⁻¹·m⁻²; `None` where nothing bounds it.
+    pub radiance_bound: Option<[f64; 3]>,
+}
+
+/// Fog and where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FogSphere {
+    /// The medium.
+    pub medium: Fog,
+    /// Centre of the scene's bounds, metres.
+    pub center: Vec3,
+    /// Radius around what there is to see and the camera, metres.
+    pub radius_m: f32,
+}
+
+impl FogSphere {
+    fn new(medium: Fog, geometry: &Geometry, camera: Vec3) -> FogSphere {
+        let (low, high) = geometry.bounds;
+        let center = if low.x > high.x { camera } else { 0.5 * low + 0.5 * high };
+        FogSphere { medium, center, radius_m: geometry.bounding_radius().max(camera.distance(center)) }
+    }
+
+    /// Where a ray enters and leaves it, metres; an end before the start where it passes by.
+    pub fn met_by(&self, org: Vec3, dir: Vec3) -> [f32; 2] {
+        let to = (self.center - org).as_dvec3();
+        let along = to.dot(dir.as_dvec3());
+        let across2 = to.length_squared() - along * along;
+        let half2 = f64::from(self.radius_m) * f64::from(self.radius_m) - across2;
+        if half2 < 0.0 { [0.0, -1.0] } else { [(along - half2.sqrt()) as f32, (along + half2.sqrt()) as f32] }
+    }
+}
+
+impl RenderPlan {
+    /// Resolves `options` against `scene` and its flattened geometry.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for anything out of range, naming the option and what is accepted; [`Error::InvalidScene`] for
+    /// a motion that cannot be traced.
+    pub fn new(scene: &Scene, geometry: &Geometry, options: &RenderOptions) -> Result<Self> {
+        let resolution = (options.width, options.height);
+        for (option, side) in [("--width", options.width), ("--height", options.height)] {
+            if side == 0 || side > MAX_SIDE {
+                return refuse(option, format!("{side} pixels; accepted are 1 to {MAX_SIDE}"));
+            }
+        }
+        if !(1..=MAX_DEPTH).contains(&options.max_depth) {
+            return refuse("--max-depth", format!("{}; accepted are 1 to {MAX_DEPTH} edges", options.max_depth));
+        }
+        if options.spp == Some(0) {
+            return refuse("--spp", "0 samples make no picture; at least 1".into());
+        }
+        if let Some(error) = options.error.filter(|e| !(*e > 0.0 && e.is_finite())) {
+            return refuse("--error", format!("{error}; a relative error above 0 is needed, 1% or 0.01"));
+        }
+        if let Some(lens) = options.lens {
+            if !(lens.radius_m > 0.0 && lens.radius_m.is_finite()) {
+                return refuse("--aperture-radius", format!("{} m; a finite length above 0 is needed", lens.radius_m));
+            }
+            if !(lens.focus_m > 0.0) {
+                return refuse("--focus-distance", format!("{} m; a length above 0 is needed", lens.focus_m));
+            }
+        }
+        if let Some(fog) = options.fog {
+            let within = fog.sigma_t > 0.0 && fog.sigma_t.is_finite() && (0.0..=1.0).contains(&fog.albedo);
+            if !(within && fog.g > -1.0 && fog.g < 1.0) {
+                let problem = format!(
+                    "{},{},{}; an attenuation above 0 per metre, an albedo in [0, 1], an anisotropy in (-1, 1)",
+                    fog.sigma_t, fog.albedo, fog.g
+                );
+                return refuse("--fog", problem);
+            }
+        }
+        if !options.strategy.techniques.bsdf && !options.strategy.techniques.light {
+            return refuse("--strategy", "it leaves no technique that finds light".into());
+        }
+        if let Roulette::Constant(q) = options.roulette
+            && !(q > 0.0 && q <= 1.0)
+        {
+            return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
+        }
+        scene.validate_motion()?;
+        let camera = resolve_camera(scene, &options.camera)?;
+        let choice = select::select(options.backend, geometry, options.pins())?;
+
+        let asked = Asked::new(scene, options, camera, geometry);
+        let (mut features, effects) = table::find(&asked);
+        let lens = options.lens.filter(|_| features.lens);
+        table::force(&mut features, &options.forced, &asked);
+        let mode = |auto| options.rays.or(choice.kind.only_mode()).unwrap_or(auto);
+        let rays = RayModes {
+            camera: mode(QueryMode::Packet16),
+            bounce: mode(QueryMode::Packet16),
+            shadow: mode(QueryMode::Packet16),
+        };
+        Ok(RenderPlan {
+            resolution,
+            window: resolve_window(resolution, options.crop)?,
+            camera,
+            lens,
+            fog: options.fog.map(|fog| FogSphere::new(fog, geometry, scene.cameras[camera].position())),
+            filter: options.filter,
+            limits: Limits {
+                spp: options.spp,
+                time: options.time,
+                error: options.error,
+                min_spp: options.min_spp.max(2),
+            },
+            seed: options.seed,
+            sample_start: options.sample_start,
+            threads: machine::threads(options.threads),
+            max_depth: options.max_depth,
+            roulette: options.roulette,
+            roulette_start: options.roulette_start,
+            strategy: options.strategy,
+            sampler: options.sampler,
+            backend: choice.kind,
+            backend_reason: choice.reason,
+            rays,
+            isa: options.isa.clone(),
+            avx512: detect::is_wide(options.isa.as_deref()),
+            robust: options.robust,
+            wave: WAVE,
+            stages: table::stages(&features),
+            features,
+            effects,
+            aovs: options.aovs.clone(),
+            bias: bias::ledger(&asked, &features),
+            radiance_bound: bias::radiance_bound(scene).filter(|_| options.fog.is_none()),
+        })
+    }
+
+    /// Options of the backend.
+    pub fn backend_options(&self) -> BackendOptions {
+        BackendOptions {
+            incoherent: self.rays.bounce,
+            coherent: self.rays.camera,
+            shadow: self.rays.shadow,
+            robust: self.robust,
+            passes: self.features.alpha || self.features.boundaries,
+            isa: self.isa.clone(),
+            build_threads: self.threads,
+        }
+    }
+
+    /// Whether emitters are sampled from surfaces at all.
+    #[inline(always)]
+    pub fn samples_lights(&self) -> bool {
+        self.features.light_sampling
+    }
+}
+
+impl fmt::Display for RenderPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let join = |list: &[String]| if list.is_empty() { "none".to_string() } else { list.join(", ") };
+        writeln!(f, "simulated  {}", join(&self.effects.simulated))?;
+        for ignored in &self.effects.ignored {
+            writeln!(f, "ignored    {}: {}", ignored.what, ignored.why)?;
+        }
+        writeln!(f, "stages     {}", self.stages.join(" → "))?;
+        writeln!(f, "backend    {}: {}", self.backend.name(), self.backend_reason)?;
+        writeln!(
+            f,
+            "rays       {} with camera {}, bounce {}, shadow {}",
+            self.backend.name(),
+            self.rays.camera,
+            self.rays.bounce,
+            self.rays.shadow
+        )?;
+        writeln!(f, "wave       {} paths", self.wave)?;
+        for bias in &self.bias {
+            writeln!(f, "bias       {}", bias.what)?;
+        }
+        Ok(())
+    }
+}
+
+fn refuse<T>(option: &'static str, problem: String) -> Result<T> {
+    Err(Error::Option { option, problem })
+}
+
+fn resolve_camera(scene: &Scene, choice: &CameraChoice) -> Result<usize> {
+    let names = || scene.cameras.iter().map(|c| format!("'{}'", c.name)).collect::<Vec<_>>().join(", ");
+    match choice {
+        CameraChoice::First if !scene.cameras.is_empty() => Ok(0),
+        CameraChoice::First => refuse("--camera", "the scene has no camera".into()),
+        CameraChoice::Index(i) if *i < scene.cameras.len() => Ok(*i),
+        CameraChoice::Index(i) => {
+            refuse("--camera", format!("index {i}; the scene has {}: {}", scene.cameras.len(), names()))
+        }
+        CameraChoice::Name(name) => match scene.cameras.iter().position(|c| c.name == *name) {
+            Some(i) => Ok(i),
+            None => refuse("--camera", format!("'{name}' is none of the scene's cameras: {}", names())),
+        },
+    }
+}
+
+fn resolve_window(resolution: (u32, u32), crop: Option<Crop>) -> Result<Crop> {
+    let full = Crop { x: 0, y: 0, width: resolution.0, height: resolution.1 };
+    let Some(crop) = crop else { return Ok(full) };
+    let fits = |start: u32, size: u32, side: u32| size > 0 && start.checked_add(size).is_some_and(|end| end <= side);
+    if fits(crop.x, crop.width, full.width) && fits(crop.y, crop.height, full.height) {
+        Ok(crop)
+    } else {
+        refuse(
+            "--crop",
+            format!(
+                "{}x{}+{}+{} does not lie inside the image of {}x{} pixels",
+                crop.width, crop.height, crop.x, crop.y, full.width, full.height
+            ),
+        )
+    }
+}

@@ -1,0 +1,255 @@
+//! Memory of a render, by part: what is held, what the hierarchy, film and waves will take. What does not fit is
+//! refused before it is allocated, because the alternative is a process that the system ends.
+//!
+//! What is held already is measured (resident bytes), the rest is counted: the film and its layers, the waves of the
+//! workers, an EXR on its way to the disk exactly, the hierarchy by bytes a triangle (`backend/size.rs`). The total is
+//! the largest sum at one time. Limits: textures that the tile cache may still read are not in it
+//! (`--texture-memory` bounds them); the parts of libraries in address space alone are not either.
+
+use std::fmt;
+
+use glam::Vec3;
+use serde::Serialize;
+
+use super::schedule::PASS_SAMPLES;
+use crate::backend::size;
+use crate::error::{Error, Result};
+use crate::film::Pixel;
+use crate::film::blocks::Blocks;
+use crate::film::layer::bytes_per_pixel;
+use crate::plan::options::RenderOptions;
+use crate::plan::{Aov, RenderPlan};
+use crate::room::{self, Room};
+use crate::scene::geometry::{Geometry, Triangle};
+use crate::scene::{Mesh, Scene, Texels};
+use crate::transport::wave::Wave;
+
+/// Pixels of the largest window that is rendered; what `compare` reads.
+const MOST_PIXELS: u64 = 1 << 28;
+
+/// Bytes of a pixel outside the film without other layers: its place in a tile, and four channels of f32 while an EXR
+/// is written.
+const PIXEL_OVERHEAD: u64 = 8 + 4 * 4;
+
+/// Samples per pixel up to which a render that something else ends is counted.
+const UNLIMITED_SPP: u64 = 1 << 10;
+
+/// Bytes that the allocator takes for a thread that works.
+const PER_THREAD: u64 = 1 << 20;
+
+/// A part of what a render takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Part {
+    /// "program", "scene", "textures", "geometry", "hierarchy", "building", "film", "layers", "waves", "writing".
+    pub what: &'static str,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+/// What a render takes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Need {
+    /// Its parts. "building" is held beside the hierarchy while that is built; film, layers, waves and writing after.
+    pub parts: Vec<Part>,
+    /// Bytes that were held when it was made.
+    pub held_bytes: u64,
+    /// Bytes at most at one time.
+    pub total_bytes: u64,
+    #[serde(skip)]
+    threads: usize,
+}
+
+impl Need {
+    /// What a render of `plan` takes, before its hierarchy is built.
+    pub(super) fn of(scene: &Scene, geometry: &Geometry, plan: &RenderPlan) -> Need {
+        let hierarchy = size::of(plan.backend, geometry);
+        let window = (plan.window.width, plan.window.height);
+        let pixels = u64::from(window.0) * u64::from(window.1);
+        let [scene, textures, geometry] = [scene_bytes(scene), texture_bytes(scene), geometry_bytes(geometry)];
+        let held = room::resident().unwrap_or(scene + textures + geometry);
+        let films = films(plan.limits.spp);
+        let layers = bytes_per_pixel(&plan.aovs, plan.max_depth, films);
+        let waves = Wave::bytes(plan.wave, plan.features.per_length) + PER_THREAD;
+        let parts = [
+            ("program", held.saturating_sub(scene + textures + geometry)),
+            ("scene", scene),
+            ("textures", textures),
+            ("geometry", geometry),
+            ("hierarchy", hierarchy.bytes),
+            ("building", hierarchy.building),
+            ("film", pixels * (films * size_of::<Pixel>() as u64 + 8)),
+            ("layers", pixels * layers),
+            ("waves", plan.threads as u64 * waves),
+            ("writing", pixels * (PIXEL_OVERHEAD - 8)),
+        ];
+        let parts = parts.map(|(what, bytes)| Part { what, bytes }).to_vec();
+        let [kept, building, after] =
+            [hierarchy.bytes, hierarchy.building, parts[6..].iter().map(|part| part.bytes).sum()];
+        let total = (held + kept + building.max(after)).max(room::most_resident().unwrap_or(0));
+        Need { parts, held_bytes: held, total_bytes: total, threads: plan.threads }
+    }
+
+    /// Whether the hierarchy fits, before it is built.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] with the numbers.
+    pub(super) fn check_building(&self) -> Result<()> {
+        let [.., hierarchy, building, _, _, _, _] = &self.parts[..] else { unreachable!("made with all its parts") };
+        fits("the hierarchy", hierarchy.bytes + building.bytes, self.threads, || {
+            (vec![hierarchy.to_string(), building.to_string()], FEWER_THREADS.into())
+        })
+    }
+}
+
+/// What makes hierarchies fit.
+const FEWER_THREADS: &str = "fewer threads (-t) or another --backend may take less";
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} MB", self.what, self.bytes.div_ceil(1 << 20))
+    }
+}
+
+impl fmt::Display for Need {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts: Vec<String> = self.parts.iter().filter(|part| part.bytes > 0).map(Part::to_string).collect();
+        write!(f, "memory      {} MB at most: {}", self.total_bytes.div_ceil(1 << 20), parts.join(", "))?;
+        match Room::left(self.threads) {
+            Some(room) => write!(f, "; {} MB more are left by {}", room.bytes >> 20, room.limit),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Refuses what does not fit; `told` are the parts and what helps.
+fn fits(what: &'static str, needed: u64, threads: usize, told: impl FnOnce() -> (Vec<String>, String)) -> Result<()> {
+    let Some(room) = Room::left(threads).filter(|room| needed > room.bytes) else { return Ok(()) };
+    let (parts, advice) = told();
+    Err(Error::Memory { what, needed, parts: parts.join(", "), available: room.bytes, limit: room.limit, advice })
+}
+
+/// Bytes that the triangles of `scene` take at least when they are flattened.
+fn flattened_bytes(scene: &Scene) -> u64 {
+    let triangles: u64 = scene.meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum();
+    let vertices: u64 = scene.meshes.iter().map(|mesh| mesh.positions.len() as u64).sum();
+    triangles * size_of::<(Triangle, [u32; 3])>() as u64 + vertices * size_of::<Vec3>() as u64
+}
+
+/// Whether the flattened geometry of `scene` fits.
+pub(super) fn check_geometry(scene: &Scene) -> Result<()> {
+    fits("flattening the scene", flattened_bytes(scene), 1, || {
+        (
+            vec![format!("{} triangles", scene.triangle_count())],
+            "the scene takes more than this process may have".into(),
+        )
+    })
+}
+
+fn scene_bytes(scene: &Scene) -> u64 {
+    let of = |mesh: &Mesh| {
+        let uvs = mesh.uvs.iter().chain(&mesh.more_uvs).map(|uvs| size_of_val(uvs.as_slice())).sum::<usize>();
+        let wide = mesh.colors.iter().chain(&mesh.tangents).map(|values| size_of_val(values.as_slice())).sum::<usize>();
+        let normals = mesh.normals.as_ref().map_or(0, |normals| size_of_val(normals.as_slice()));
+        size_of_val(mesh.positions.as_slice()) + size_of_val(mesh.triangles.as_slice()) + uvs + wide + normals
+    };
+    let meshes: usize = scene.meshes.iter().map(of).sum();
+    let environment = scene.environment.as_ref().map_or(0, |environment| size_of_val(&environment.texels[..]));
+    (meshes + size_of_val(scene.instances.as_slice()) + environment) as u64
+}
+
+fn texture_bytes(scene: &Scene) -> u64 {
+    let mut seen: Vec<&Texels> = Vec::new();
+    for texture in &scene.textures {
+        if !seen.iter().any(|texels| texels.shares(&texture.texels)) {
+            seen.push(&texture.texels);
+        }
+    }
+    seen.iter().map(|texels| texels.bytes()).sum()
+}
+
+fn geometry_bytes(geometry: &Geometry) -> u64 {
+    let meshes = geometry.meshes.iter();
+    let meshes: usize =
+        meshes.map(|mesh| size_of_val(mesh.vertices.as_slice()) + size_of_val(mesh.indices.as_slice())).sum();
+    let more: usize = geometry.more_uvs.iter().map(|uvs| size_of_val(uvs.as_slice())).sum();
+    let attributes = size_of_val(geometry.normals.as_slice())
+        + size_of_val(geometry.uvs.as_slice())
+        + size_of_val(geometry.colors.as_slice())
+        + size_of_val(geometry.tangents.as_slice());
+    let records = size_of_val(geometry.triangles.as_slice()) + size_of_val(geometry.instances.as_slice());
+    (meshes + more + attributes + records) as u64
+}
+
+impl RenderOptions {
+    /// Whether a render of `scene` with these options fits into memory: the film with its layers and the flattened
+    /// scene with the smallest hierarchy. A renderer asks again when it knows which hierarchy it builds.
+    ///
+    /// # Errors
+    /// As [`check_memory`](Self::check_memory), and [`Error::Memory`] with the numbers.
+    pub fn check_memory_for(&self, scene: &Scene) -> Result<()> {
+        self.check_memory()?;
+        let window = self.crop.map_or((self.width, self.height), |crop| (crop.width, crop.height));
+        let film =
+            u64::from(window.0) * u64::from(window.1) * bytes_of_pixel(&self.aovs, self.max_depth, films(self.spp));
+        let flattened = flattened_bytes(scene);
+        fits("the render", film + 2 * flattened, 1, || {
+            let part = |what, bytes| Part { what, bytes }.to_string();
+            let parts = vec![part("film and layers", film), part("geometry and hierarchy", 2 * flattened)];
+            (parts, "fewer pixels (--crop, --width) or fewer layers (--aov) take less".into())
+        })
+    }
+
+    /// Whether the film of a render with these options fits into memory. Every render asks so before it begins; asked
+    /// here, it is known before the scene is made ready.
+    ///
+    /// # Errors
+    /// [`Error::Option`] with the numbers.
+    pub fn check_memory(&self) -> Result<()> {
+        let window = self.crop.map_or((self.width, self.height), |crop| (crop.width, crop.height));
+        check(window, &self.aovs, self.max_depth, self.spp)
+    }
+}
+
+fn bytes_of_pixel(aovs: &[Aov], max_depth: u32, films: u64) -> u64 {
+    films * size_of::<Pixel>() as u64 + PIXEL_OVERHEAD + bytes_per_pixel(aovs, max_depth, films)
+}
+
+/// Films that a render to `spp` samples per pixel holds at once.
+fn films(spp: Option<u64>) -> u64 {
+    Blocks::most(spp.unwrap_or(UNLIMITED_SPP), PASS_SAMPLES)
+}
+
+/// Whether a film of this window (columns, rows) with these layers fits.
+pub(super) fn check((width, height): (u32, u32), aovs: &[Aov], max_depth: u32, spp: Option<u64>) -> Result<()> {
+    let refuse = |problem: String| Err(Error::Option { option: "--width", problem });
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MOST_PIXELS {
+        return refuse(format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
+    }
+    let bytes = pixels * bytes_of_pixel(aovs, max_depth, films(spp));
+    if let Some(room) = Room::left(1).filter(|room| bytes > room.bytes) {
+        let (needed, available) = (bytes >> 20, room.bytes >> 20);
+        return refuse(format!(
+            "{width}x{height} pixels need {needed} MiB, {available} MiB are left by {} (use --crop)",
+            room.limit
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::options::Crop;
+
+    #[test]
+    fn windows_beyond_memory_are_refused() {
+        let with = |width, height, crop| RenderOptions { crop, ..RenderOptions::new(width, height) }.check_memory();
+        let crop = Crop { x: 9, y: 9, width: 8, height: 8 };
+        assert!(with(64, 64, None).is_ok());
+        assert!(with(65536, 65536, None).is_err());
+        assert!(with(65536, 65536, Some(crop)).is_ok());
+    }
+}

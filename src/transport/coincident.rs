@@ -1,0 +1,144 @@
+//! Triangles that lie on one another ([`Coincident`](crate::scene::geometry::Coincident)): which of them a ray meets.
+//!
+//! Of those that a ray has not passed, it meets one that fronts it; of several such, one that bounds no solid, then the
+//! one of the inner solid, then the first in the order of the geometry. The boundary of another solid at the same place
+//! is crossed with it: wine that touches its glass is one boundary between wine and glass. Decided here, after the
+//! backend has said where the ray ends, so that the answer is every backend's.
+
+use glam::{DVec3, Vec3};
+
+use super::media;
+use super::wave::{Paths, Wave};
+use super::world::World;
+use crate::backend::batch::{Hit, INVALID_ID, LANES, RayHitBlock};
+use crate::math::lanes::lanes_of;
+use crate::scene::geometry::{NO_SOLID, corners};
+use crate::shading::medium::Boundary;
+
+/// Least weight of a corner, at which a point still counts as inside: twice what f32 weights are rounded by.
+const INSIDE: f64 = -2.4e-7;
+
+/// What a ray meets at one place.
+#[derive(Clone, Copy, Debug)]
+pub struct Met {
+    /// The surface that counts.
+    pub hit: Hit,
+    /// The boundary of another solid at the same place.
+    pub touching: Option<(Hit, Boundary)>,
+}
+
+/// A triangle at that place, and what the rule asks of it.
+#[derive(Clone, Copy)]
+struct Face {
+    hit: Hit,
+    fronts: bool,
+    solid: u32,
+}
+
+impl Face {
+    fn new(world: &World, hit: Hit, dir: DVec3) -> Face {
+        let n = Vec3::from(world.geometry.triangle(hit.geom, hit.prim).n_g).as_dvec3();
+        Face { hit, fronts: n.dot(dir) < 0.0, solid: media::solid_of(world, &hit) }
+    }
+
+    /// Descending: the first is met.
+    fn order(&self) -> (bool, bool, u32, std::cmp::Reverse<u32>) {
+        (self.fronts, self.solid == NO_SOLID, self.solid, std::cmp::Reverse(self.hit.prim))
+    }
+}
+
+/// What a ray of direction `dir` meets that the backend says hits `hit`. `is_passed` says which triangles do not count.
+#[inline(always)]
+pub fn settle(world: &World, hit: Hit, dir: Vec3, is_passed: impl Fn(&Hit) -> bool) -> Met {
+    let geometry = world.geometry;
+    let record = geometry.meshes[hit.geom as usize].first_triangle + hit.prim;
+    let partners = geometry.coincident.of(record);
+    if partners.is_empty() { Met { hit, touching: None } } else { choose(world, hit, dir, partners, &is_passed) }
+}
+
+#[cold]
+#[inline(never)]
+fn choose(world: &World, hit: Hit, dir: Vec3, partners: &[u32], is_passed: &dyn Fn(&Hit) -> bool) -> Met {
+    let geometry = world.geometry;
+    let first = geometry.meshes[hit.geom as usize].first_triangle;
+    // To the space of the mesh, where the triangles are.
+    let moved = geometry.moving.at(hit.inst, hit.time);
+    let placement = moved.as_ref().or_else(|| geometry.instances.get(hit.inst as usize));
+    let dir = placement.map_or(dir, |placement| placement.object_from_world.transform_vector3(dir)).as_dvec3();
+    let [a, b, c] = corners(geometry.triangle(hit.geom, hit.prim));
+    let (u, v) = (f64::from(hit.u), f64::from(hit.v));
+    let p = a * (1.0 - u - v) + b * u + c * v;
+
+    let mut met = Face::new(world, hit, dir);
+    let others = partners.iter().filter_map(|&record| {
+        let (u, v) = weights(p, corners(&geometry.triangles[record as usize]))?;
+        Some(Hit { u, v, prim: record - first, ..hit })
+    });
+    let others: Vec<Face> =
+        others.filter(|other| !is_passed(other)).map(|other| Face::new(world, other, dir)).collect();
+    let own = met;
+    for other in &others {
+        if other.order() > met.order() {
+            met = *other;
+        }
+    }
+    let solids = others.iter().chain([&own]).filter(|other| other.solid != NO_SOLID && other.solid != met.solid);
+    let touching = solids.max_by_key(|other| other.order());
+    let touching = touching.map(|other| (other.hit, Boundary { solid: other.solid, entering: other.fronts }));
+    Met { hit: met.hit, touching }
+}
+
+/// Weights of the second and third corner of a triangle at the point of its plane below `p`; `None` outside.
+fn weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f32, f32)> {
+    let n = (b - a).cross(c - a);
+    let n2 = n.length_squared();
+    let u = (p - a).cross(c - a).dot(n) / n2;
+    let v = (b - a).cross(p - a).dot(n) / n2;
+    let inside = u >= INSIDE && v >= INSIDE && 1.0 - u - v >= INSIDE;
+    inside.then(|| (u.clamp(0.0, 1.0) as f32, v.clamp(0.0, 1.0 - u.clamp(0.0, 1.0)) as f32))
+}
+
+/// After closest hits of rays that go on past nothing: what they meet.
+pub fn settle_all(world: &World, rays: &mut [RayHitBlock], len: usize) {
+    for block in 0..len.div_ceil(LANES) {
+        for i in lanes_of(in_question(world, &rays[block], len - block * LANES)) {
+            settle_lane(world, &mut rays[block], i);
+        }
+    }
+}
+
+/// After closest hits of paths: what they meet, and what they cross there where they keep media.
+pub fn settle_paths(world: &World, wave: &mut Wave) {
+    let Wave { current: Paths { rays, paths, len }, touching, .. } = wave;
+    if !world.features.media {
+        return settle_all(world, rays, *len);
+    }
+    for block in 0..len.div_ceil(LANES) {
+        let lanes = in_question(world, &rays[block], *len - block * LANES);
+        for i in 0..(*len - block * LANES).min(LANES) {
+            let here = if lanes >> i & 1 == 1 { settle_lane(world, &mut rays[block], i) } else { None };
+            touching[paths[block].slot[i] as usize] = here;
+        }
+    }
+}
+
+/// Lanes of a block, of the first `len`, that hit triangles which lie on others.
+#[inline(always)]
+fn in_question(world: &World, rays: &RayHitBlock, len: usize) -> u16 {
+    let geometry = world.geometry;
+    let mut lanes = 0;
+    for i in 0..len.min(LANES) {
+        let geom = rays.hit.geom[i];
+        if geom != INVALID_ID {
+            let record = geometry.meshes[geom as usize].first_triangle + rays.hit.prim[i];
+            lanes |= u16::from(geometry.coincident.has(record)) << i;
+        }
+    }
+    lanes
+}
+
+fn settle_lane(world: &World, rays: &mut RayHitBlock, i: usize) -> Option<Boundary> {
+    let met = settle(world, rays.hit_unchecked(i), rays.ray.dir(i), |_| false);
+    rays.set_hit(i, &met.hit);
+    met.touching.map(|(_, boundary)| boundary)
+}
