@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Writes the interior scene: scene.gltf, scene.bin and textures/*.png beside this script (or into the directory given).
 
-A room of 6 x 2.8 x 8 m with a window, textured furniture and 50 instances of dense meshes: 1,036,330 triangles. Units are
-metres, +Y up; textures are 512 x 512. Needs Python 3.9 and numpy. Every random number comes from numpy's legacy
+A room of 6 x 2.8 x 8 m with a window, textured furniture and 50 instances of dense meshes: 1,036,330 triangles. Units
+are metres, +Y up; textures are 512 x 512. Needs Python 3.9 and numpy. Every random number comes from numpy's legacy
 RandomState with a fixed seed, whose streams are frozen. env.exr beside the script is the sky outside the window.
 """
 import json

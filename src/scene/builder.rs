@@ -10,6 +10,24 @@ use super::motion::{Shutter, Track};
 use super::{Instance, Material, Mesh, Scene};
 
 /// Collects a scene piece by piece.
+///
+/// ```
+/// use pathspace::glam::Vec3;
+/// use pathspace::scene::builder::SceneBuilder;
+/// use pathspace::{RenderOptions, Renderer};
+///
+/// let mut builder = SceneBuilder::new();
+/// let white = builder.lambert(Vec3::splat(0.7));
+/// let lamp = builder.emitter(Vec3::ZERO, Vec3::splat(5.0));
+/// builder.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, white);
+/// builder.quad([(-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3)].map(|(x, z)| Vec3::new(x, 0.99, z)), lamp);
+/// builder.camera(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, Vec3::Y, 1.2);
+/// let scene = builder.build();
+/// assert!(scene.has_light());
+/// let render = Renderer::new(&scene, RenderOptions::new(8, 8).spp(1))?.render()?;
+/// assert_eq!(render.film.spp().min, 1);
+/// # Ok::<(), pathspace::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
     scene: Scene,
@@ -60,7 +78,7 @@ impl SceneBuilder {
         })
     }
 
-    /// A mesh of its own, without normals or texture coordinates; not yet placed.
+    /// A separate mesh without normals or texture coordinates; not yet placed.
     pub fn mesh(&mut self, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>, material: MaterialId) -> MeshId {
         let name = format!("mesh {}", self.scene.meshes.len());
         let mesh = Mesh { name, positions, triangles, material, ..Mesh::default() };
@@ -75,12 +93,12 @@ impl SceneBuilder {
 
     /// Places a mesh.
     pub fn place(&mut self, mesh: MeshId, world_from_object: Affine3A) -> &mut Self {
-        self.scene.instances.push(Instance { mesh, world_from_object });
+        self.scene.instances.push(Instance::new(mesh, world_from_object));
         self
     }
 
-    /// Places a mesh that moves: `steps` are its places at equal intervals of the shutter, at least two. A scene with such meshes has the
-    /// shutter open for a second unless it is given another.
+    /// Places a mesh that moves: `steps` are its places at equal intervals of the shutter, at least two. A scene with
+    /// such meshes has the shutter open for a second unless it is given another.
     pub fn place_moving(&mut self, mesh: MeshId, steps: Vec<Affine3A>) -> &mut Self {
         let world_from_object = *steps.first().expect("a moving mesh has a first place");
         let motion = &mut self.scene.motion;
@@ -190,7 +208,9 @@ impl SceneBuilder {
     /// Any punctual light.
     pub fn punctual(&mut self, position: Vec3, direction: Vec3, intensity: Vec3, kind: PunctualKind) -> &mut Self {
         let name = format!("light {}", self.scene.punctual.len());
-        self.scene.punctual.push(PunctualLight { name, position, direction: direction.normalize(), intensity, kind });
+        let direction = direction.normalize();
+        let range_m = f32::INFINITY;
+        self.scene.punctual.push(PunctualLight { name, position, direction, intensity, kind, range_m });
         self
     }
 

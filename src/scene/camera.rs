@@ -7,7 +7,8 @@ use glam::{Affine3A, Vec3};
 pub struct Camera {
     /// Name in the file, or `camera N`.
     pub name: String,
-    /// Rigid placement: any scale of the node is removed by the loader. Relative to [`Scene::origin`](super::Scene::origin).
+    /// Rigid placement: any scale of the node is removed by the loader. Relative to
+    /// [`Scene::origin`](super::Scene::origin).
     pub world_from_camera: Affine3A,
     /// Perspective or orthographic.
     pub projection: Projection,

@@ -1,6 +1,7 @@
 //! Light sources that are not surfaces: `KHR_lights_punctual` and the environment. Emissive triangles are found from
 //! the materials.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -18,6 +19,9 @@ pub struct PunctualLight {
     pub intensity: Vec3,
     /// Which of the three kinds, with the kind's own parameters.
     pub kind: PunctualKind,
+    /// Metres from a point or spot light at which it ends: its light is multiplied by 1 − (d/range)⁴ up to there.
+    /// Infinite where the file has none.
+    pub range_m: f32,
 }
 
 /// The kinds of `KHR_lights_punctual`.
@@ -50,6 +54,24 @@ pub struct Environment {
     pub rotation_rad: f32,
     /// Factor on the radiance.
     pub intensity: f32,
+}
+
+/// An environment map that is still in its file: equirectangular, OpenEXR, Radiance `.hdr` or another image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnvironmentFile {
+    /// The image.
+    pub path: PathBuf,
+    /// As [`Environment::rotation_rad`].
+    pub rotation_rad: f32,
+    /// As [`Environment::intensity`].
+    pub intensity: f32,
+}
+
+impl EnvironmentFile {
+    /// The map as in the file.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        EnvironmentFile { path: path.into(), rotation_rad: 0.0, intensity: 1.0 }
+    }
 }
 
 impl Environment {

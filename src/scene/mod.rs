@@ -2,10 +2,14 @@
 //! [`builder`] does so from code (tests, library users), [`geometry`] flattens it for tracing and shading.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
-pub mod alpha;
+use crate::error::{Error, Result};
+use crate::setters::setters;
+use crate::texture::stored::Tiles;
+
 pub mod builder;
 pub mod camera;
 mod fold;
@@ -16,16 +20,20 @@ pub mod image;
 pub mod light;
 pub mod material;
 pub mod motion;
-pub mod placement;
+pub mod orbit;
+mod studio;
 pub mod validate;
 
+pub use crate::texture::decode::Decoder;
 pub use crate::texture::load::Budget;
 pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
-pub use alpha::AlphaMode;
 pub use camera::{Camera, Projection};
 pub use ids::{MaterialId, MeshId, TextureId};
-pub use light::{Environment, PunctualKind, PunctualLight};
-pub use material::{Material, TextureSlot};
+pub use light::{Environment, EnvironmentFile, PunctualKind, PunctualLight};
+pub use material::alpha::AlphaMode;
+pub use material::facts::{Fact, FactSet, Facts};
+pub use material::parameters::{Material, TextureSlot};
+pub use material::slot::Slot;
 pub use motion::{Motion, Shutter};
 
 /// Triangles of one glTF primitive, in object space.
@@ -39,14 +47,15 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Unit vertex normals, or `None` for flat shading.
     pub normals: Option<Vec<Vec3>>,
-    /// Texture coordinates of channel 0: of the file's set that the material's first texture reads, transformed as it asks.
+    /// Texture coordinates of channel 0: of the file's set that the material's first texture reads, transformed as it
+    /// asks.
     pub uvs: Option<Vec<Vec2>>,
     /// Channels 1 and up, for materials whose textures read different sets or transform them differently.
     pub more_uvs: Vec<Vec<Vec2>>,
     /// `COLOR_0`: linear RGB and alpha in [0, 1]; read where the material says so ([`Material::vertex_colors`]).
     pub colors: Option<Vec<Vec4>>,
-    /// Unit tangents with the bitangent's sign in w, in the channel that the normal map reads; present whenever it needs
-    /// them.
+    /// Unit tangents with the bitangent's sign in w, in the channel that the normal map reads; present whenever it
+    /// needs them.
     pub tangents: Option<Vec<Vec4>>,
     /// What the surface is made of.
     pub material: MaterialId,
@@ -57,9 +66,19 @@ pub struct Mesh {
 pub struct Instance {
     /// Which mesh.
     pub mesh: MeshId,
-    /// Object to world when the shutter opens, relative to [`Scene::origin`]; invertible and finite. A negative determinant mirrors: the
-    /// front side of a triangle is then the other winding (glTF 2.0 §3.7.4).
+    /// Object to world when the shutter opens, relative to [`Scene::origin`]; invertible and finite. A negative
+    /// determinant mirrors: the front side of a triangle is then the other winding (glTF 2.0 §3.7.4).
     pub world_from_object: Affine3A,
+    /// What it is made of in the place of the mesh's own material, if it shares the triangles with others. Both are
+    /// plain surfaces that read the same attributes ([`Material::may_share`]).
+    pub material: Option<MaterialId>,
+}
+
+impl Instance {
+    /// A mesh of its own material.
+    pub fn new(mesh: MeshId, world_from_object: Affine3A) -> Instance {
+        Instance { mesh, world_from_object, material: None }
+    }
 }
 
 /// Something the user should know that does not stop the work.
@@ -85,6 +104,8 @@ pub struct Dropped {
 pub struct Scene {
     /// The file it came from; empty for scenes made in code.
     pub file: PathBuf,
+    /// Every file that was read, by its canonical path.
+    pub inputs: Vec<PathBuf>,
     /// One entry a glTF primitive.
     pub meshes: Vec<Mesh>,
     /// Placements, flattened to one level.
@@ -95,14 +116,20 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Punctual lights.
     pub punctual: Vec<PunctualLight>,
-    /// Cameras of the scene in node order; never empty once loaded (framed automatically, with a warning, if the file has none).
+    /// Cameras of the scene in node order; never empty once loaded (framed automatically, with a warning, if the file
+    /// has none).
     pub cameras: Vec<Camera>,
     /// What moves while the shutter is open; nothing in a scene that is shown at rest.
     pub motion: Motion,
     /// The environment, if one was given.
     pub environment: Option<Environment>,
-    /// World position of the coordinates' origin: subtracted from everything in f64 at load when the scene lies far away.
+    /// World position of the coordinates' origin: subtracted from everything in f64 at load when the scene lies far
+    /// away.
     pub origin: DVec3,
+    /// Names of the scenes of the file, one of which this is; empty where one has none.
+    pub scenes: Vec<String>,
+    /// Names of the variants of materials that the file offers ([`LoadOptions::variant`]).
+    pub variants: Vec<String>,
     /// Size that `scenes[n].extras.render` suggests, if any.
     pub suggested_size: Option<(u32, u32)>,
     /// What was left out.
@@ -112,17 +139,72 @@ pub struct Scene {
 }
 
 /// What a load can be told.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+///
+/// ```
+/// use pathspace::scene::{LoadOptions, MissingTexture, Shutter};
+/// let options = LoadOptions::default().missing_texture(MissingTexture::Magenta).shutter(Shutter::new(0.0, 0.5)?);
+/// # Ok::<(), pathspace::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LoadOptions {
-    /// Memory of textures, and who decodes them.
+    /// Memory of textures, and which images are decoded by what; the environment's too.
     pub texture_budget: Budget,
     /// What an image that cannot be used does.
     pub missing_texture: MissingTexture,
     /// When the shutter is open, in the time of the file's animations; `None` shows the scene as its nodes say.
     pub shutter: Option<Shutter>,
+    /// The file's scene to load, by name or by index from 0; `None` takes the one that the file says.
+    pub scene: Option<String>,
+    /// Which of the file's variants of materials is shown, by name or by index from 0; `None` shows the materials that
+    /// the meshes name.
+    pub variant: Option<String>,
+    /// The animation that runs under a shutter, by name or by index from 0; `None` runs all of them.
+    pub animation: Option<String>,
+    /// Light from all directions; glTF files have none.
+    pub environment: Option<EnvironmentFile>,
+    /// Whether a scene without any light gets [`Scene::ensure_light`]'s; on by default.
+    pub fallback_light: bool,
+    /// Whether URIs may lead out of the scene's folder: by `..`, absolute paths or symbolic links; off by default.
+    pub allow_outside: bool,
+    /// Whether files load that require extensions of materials which are not supported, with a warning each; off by
+    /// default.
+    pub allow_missing_extensions: bool,
 }
 
-/// What becomes of an image that is missing, broken, empty, or not finite.
+impl Default for LoadOptions {
+    fn default() -> Self {
+        LoadOptions {
+            texture_budget: Budget::default(),
+            missing_texture: MissingTexture::default(),
+            shutter: None,
+            scene: None,
+            variant: None,
+            animation: None,
+            environment: None,
+            fallback_light: true,
+            allow_outside: false,
+            allow_missing_extensions: false,
+        }
+    }
+}
+
+impl LoadOptions {
+    setters! {
+        texture_budget: = Budget,
+        missing_texture: = MissingTexture,
+        shutter: into Option<Shutter>,
+        scene: into Option<String>,
+        variant: into Option<String>,
+        animation: into Option<String>,
+        environment: into Option<EnvironmentFile>,
+        fallback_light: = bool,
+        allow_outside: = bool,
+        allow_missing_extensions: = bool,
+    }
+}
+
+/// What to do with an image that is missing, broken, empty, or not finite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MissingTexture {
     /// It ends the load.
@@ -133,6 +215,29 @@ pub enum MissingTexture {
 }
 
 impl Scene {
+    /// What a placed mesh is made of; both are in range once the scene is valid.
+    pub fn material_of(&self, instance: &Instance) -> MaterialId {
+        instance.material.unwrap_or_else(|| self.meshes[instance.mesh.index()].material)
+    }
+
+    /// The tiles of textures that are not in memory, if there are any.
+    pub fn texture_tiles(&self) -> Option<&Arc<Tiles>> {
+        self.textures.iter().find_map(|texture| texture.texels.tiles())
+    }
+
+    /// Whether every texture look-up so far could be answered: those into files may fail later than at load. Where
+    /// missing textures are shown in magenta, failing is no error.
+    ///
+    /// # Errors
+    /// [`Error::Image`] with the file, the material, and what is wrong by now.
+    pub fn check_textures(&self) -> Result<()> {
+        match self.texture_tiles().filter(|tiles| tiles.must_stop()).and_then(|tiles| tiles.faults().into_iter().next())
+        {
+            Some(fault) => Err(Error::Image { path: fault.image.into(), problem: fault.problem }),
+            None => Ok(()),
+        }
+    }
+
     /// Triangles over all placements.
     pub fn triangle_count(&self) -> u64 {
         self.instances.iter().map(|i| self.meshes[i.mesh.index()].triangles.len() as u64).sum()

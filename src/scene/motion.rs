@@ -1,9 +1,10 @@
-//! What moves while the shutter is open, and how: poses at equal intervals, and between them straight lines in the elements of
-//! the matrices, as Embree's time steps have it. Times inside a scene are fractions of the shutter, 0 (open) to 1 (close).
+//! What moves while the shutter is open, and how: poses at equal intervals, and between them straight lines in the
+//! elements of the matrices, as Embree's time steps have it. Times inside a scene are fractions of the shutter, 0
+//! (open) to 1 (close).
 //!
-//! A turn is cut into so many parts that the straight lines stay close to it ([`MOST_PARTS`] at most); what is left is
-//! measured ([`Motion::off`]) and listed as a bias. A pose that has no inverse somewhere on its way would end the process
-//! inside Embree, so [`Track::problem`] refuses it.
+//! A turn is cut into so many parts that the straight lines stay close to it ([`MOST_PARTS`] at most); the remaining
+//! deviation is measured ([`Motion::off`]) and listed as a bias. A pose that has no inverse somewhere on its way would
+//! end the process inside Embree, so [`Track::problem`] refuses it.
 
 use glam::{Affine3A, DAffine3};
 
@@ -54,8 +55,8 @@ impl Shutter {
 pub struct Track {
     /// Index into `Scene::instances` or `Scene::cameras`.
     pub index: usize,
-    /// Object (or camera) to world at equal intervals from open to close, both included. At least two; the first is the one that
-    /// the instance or camera itself has.
+    /// Object (or camera) to world at equal intervals from open to close, both included. At least two; the first is the
+    /// one that the instance or camera itself has.
     pub steps: Vec<Affine3A>,
 }
 
@@ -99,7 +100,7 @@ pub struct Motion {
     pub cameras: Vec<Track>,
     /// The worst of the ways that are not straight, if it is off by more than rounding.
     pub off: Option<Off>,
-    /// What is asked for and not shown.
+    /// What the file asks for and is not shown.
     pub unmoved: Vec<Unmoved>,
 }
 
@@ -117,8 +118,8 @@ impl Motion {
     }
 }
 
-/// The part of the shutter that a time in [0, 1] falls into, of `parts`, and the fraction of it that has passed. Embree's own
-/// arithmetic, so that all backends agree.
+/// The part of the shutter that a time in [0, 1] falls into, of `parts`, and the fraction of it that has passed.
+/// Embree's own arithmetic, so that all backends agree.
 #[inline(always)]
 pub fn part_of(time: f32, parts: usize) -> (usize, f32) {
     let along = time * parts as f32;
@@ -138,9 +139,10 @@ pub fn between(from: &Affine3A, to: &Affine3A, fraction: f32) -> Affine3A {
 }
 
 impl Track {
-    /// Points of a part, less one, at which its volume (determinant) is looked at. A polynomial of third degree on [0, 1] bends by at most
-    /// 96 times its largest value (Markov), so between two of them it strays by 96/(8·16²) = 3/64 of that at most, and that is no more
-    /// than 64/61 of the largest that is seen. What is looked at is 61/(64·15) of it or more, so all of it is above a 64th.
+    /// Points of a part, less one, at which its volume (determinant) is evaluated. A polynomial of third degree on [0,
+    /// 1] bends by at most 96 times its largest value (Markov), so between two of them it strays by 96/(8·16²) = 3/64
+    /// of that at most, and that is no more than 64/61 of the largest that is seen. The samples are 61/(64·15) of it
+    /// or more, so all of it is above a 64th.
     const LOOKS: usize = 16;
     /// Share of the largest volume seen on a part below which none seen may fall.
     const LEAST_VOLUME: f64 = 1.0 / 15.0;

@@ -38,6 +38,13 @@ impl Scene {
             if instance.mesh.index() >= self.meshes.len() {
                 return fail(format!("expected a mesh below {}, found {}", self.meshes.len(), instance.mesh.0));
             }
+            if let Some(material) = instance.material {
+                let own = &self.materials[self.meshes[instance.mesh.index()].material.index()];
+                if !self.materials.get(material.index()).is_some_and(|other| own.may_share(other)) {
+                    let problem = format!("expected a plain material like \"{}\", found {}", own.name, material.0);
+                    return fail(problem);
+                }
+            }
             let placement = &instance.world_from_object;
             if !placement.is_finite() || !placement.inverse().is_finite() {
                 return fail("expected a finite, invertible placement".into());
@@ -45,12 +52,19 @@ impl Scene {
         }
         self.check_motion()?;
         for material in &self.materials {
-            let slots = material.slots();
+            let mut textures = material.textures();
             let fail = |problem: String| Err((format!("material \"{}\"", material.name), problem));
-            if let Some(slot) = slots.iter().flatten().find(|slot| slot.texture.index() >= self.textures.len()) {
+            if let Some((_, slot)) = textures.find(|(_, slot)| slot.texture.index() >= self.textures.len()) {
                 return fail(format!("expected a texture below {}, found {}", self.textures.len(), slot.texture.0));
             }
-            let colors = [material.base_color, material.emissive, material.specular_color, material.attenuation_color];
+            let colors = [
+                material.base_color,
+                material.emissive,
+                material.specular_color,
+                material.attenuation_color,
+                material.sheen_color,
+                material.diffuse_transmission_color,
+            ];
             let factors = [
                 material.metallic,
                 material.roughness,
@@ -59,6 +73,18 @@ impl Scene {
                 material.transmission,
                 material.thickness,
                 material.base_alpha,
+                material.clearcoat,
+                material.clearcoat_roughness,
+                material.clearcoat_normal_scale,
+                material.sheen_roughness,
+                material.dispersion,
+                material.anisotropy,
+                material.anisotropy_rotation_rad,
+                material.iridescence,
+                material.iridescence_ior,
+                material.iridescence_thickness_nm[0],
+                material.iridescence_thickness_nm[1],
+                material.diffuse_transmission,
             ];
             if !colors.iter().all(|color| color.is_finite()) || !factors.iter().all(|factor| factor.is_finite()) {
                 return fail("expected finite factors".into());

@@ -1,11 +1,17 @@
-//! Accessors: typed, strided, sparse views into buffers, read element by element with every bound checked once when opened.
+//! Accessors: typed, strided, sparse views into buffers, read element by element with every bound checked once when
+//! opened.
 //!
-//! Source: glTF 2.0 §3.6.2. Integers convert to floats by §3.11 when normalized and by value otherwise (KHR_mesh_quantization).
-//! Nothing is allocated by an accessor's count: callers gather the elements they need. Limit: matrices are not read.
+//! Source: glTF 2.0 §3.6.2. Integers convert to floats by §3.11 when normalized and by value otherwise
+//! (KHR_mesh_quantization). Nothing is allocated by an accessor's count: callers gather the elements they need. Limit:
+//! of matrices MAT4 alone is read.
+
+use std::borrow::Cow;
 
 use gltf::json::accessor::{ComponentType, GenericComponentType, IndexComponentType, Type};
 
 use super::document::Document;
+#[cfg(feature = "draco")]
+use super::ext::khr_draco_mesh_compression::Values;
 use crate::error::Result;
 
 /// An accessor whose every element is known to lie inside its buffer.
@@ -14,7 +20,7 @@ pub(super) struct Accessor<'d> {
     pub(super) pointer: String,
     /// Elements, > 0.
     pub(super) count: usize,
-    /// 1 for SCALAR to 4 for VEC4.
+    /// 1 for SCALAR to 4 for VEC4, 16 for MAT4.
     pub(super) components: usize,
     kind: ComponentType,
     normalized: bool,
@@ -24,7 +30,7 @@ pub(super) struct Accessor<'d> {
 }
 
 struct Strided<'d> {
-    bytes: &'d [u8],
+    bytes: Cow<'d, [u8]>,
     stride: usize,
 }
 
@@ -47,7 +53,11 @@ impl<'d> Accessor<'d> {
             Type::Vec2 => 2,
             Type::Vec3 => 3,
             Type::Vec4 => 4,
-            other => return Err(document.error(at("type"), format!("expected a scalar or vector, found {other:?}"))),
+            Type::Mat4 => 16,
+            other => {
+                let problem = format!("expected a scalar, a vector or MAT4, found {other:?}");
+                return Err(document.error(at("type"), problem));
+            }
         };
         let too_many = || {
             document.error(
@@ -64,7 +74,8 @@ impl<'d> Accessor<'d> {
                 let stride = view.stride.unwrap_or(size);
                 if stride < size {
                     let problem = format!(
-                        "expected at least {size}, the size of an element of {pointer}, found {stride}: elements would overlap"
+                        "expected at least {size}, the size of an element of {pointer}, found {stride}: elements \
+                         would overlap"
                     );
                     return Err(document.error(format!("{}/byteStride", view.pointer), problem));
                 }
@@ -75,13 +86,14 @@ impl<'d> Accessor<'d> {
                     .and_then(|last| last.checked_add(size as u64)?.checked_add(offset));
                 if end.is_none_or(|end| end > view.bytes.len() as u64) {
                     let problem = format!(
-                        "expected {count} elements of {size} bytes every {stride} from byte {offset} to fit in {}, found only {} bytes there",
+                        "expected {count} elements of {size} bytes every {stride} from byte {offset} to fit in {}, \
+                         found only {} bytes there",
                         view.pointer,
                         view.bytes.len()
                     );
                     return Err(document.error(&pointer, problem));
                 }
-                Some(Strided { bytes: &view.bytes[offset as usize..], stride })
+                Some(Strided { bytes: view.bytes[offset as usize..].into(), stride })
             }
         };
         let sparse = match &accessor.sparse {
@@ -91,12 +103,29 @@ impl<'d> Accessor<'d> {
         Ok(Accessor { pointer, count, components, kind, normalized: accessor.normalized, base, sparse })
     }
 
+    /// The same with other values: what a compressed stream holds in the place of the accessor's bytes.
+    #[cfg(feature = "draco")]
+    pub(super) fn holding(self, values: Values) -> Accessor<'d> {
+        let Values { bytes, count, components, kind } = values;
+        let base = Some(Strided { bytes: bytes.into(), stride: components * kind.size() });
+        Accessor { count, components, kind, base, sparse: None, ..self }
+    }
+
+    /// Indices that a compressed stream holds.
+    #[cfg(feature = "draco")]
+    pub(super) fn of_indices(bytes: Vec<u8>, pointer: String) -> Accessor<'d> {
+        let (kind, count) = (ComponentType::U32, bytes.len() / 4);
+        let base = Some(Strided { bytes: bytes.into(), stride: 4 });
+        Accessor { pointer, count, components: 1, kind, normalized: false, base, sparse: None }
+    }
+
     /// Fails unless elements have one of the given numbers of components.
     pub(super) fn expect_components(&self, document: &Document, accepted: &[usize]) -> Result<()> {
         if accepted.contains(&self.components) {
             return Ok(());
         }
-        let names: Vec<&str> = accepted.iter().map(|n| ["SCALAR", "VEC2", "VEC3", "VEC4"][(n - 1).min(3)]).collect();
+        let name = |n: &usize| *["SCALAR", "VEC2", "VEC3", "VEC4"].get(n - 1).unwrap_or(&"MAT4");
+        let names: Vec<&str> = accepted.iter().map(name).collect();
         let problem = format!("expected {}, found {} components", names.join(" or "), self.components);
         Err(document.error(format!("{}/type", self.pointer), problem))
     }
@@ -104,6 +133,11 @@ impl<'d> Accessor<'d> {
     /// Fails unless elements are unsigned integers, as indices must be.
     pub(super) fn expect_indices(&self, document: &Document) -> Result<()> {
         self.expect_components(document, &[1])?;
+        self.expect_unsigned(document)
+    }
+
+    /// Fails unless elements are of unsigned integers.
+    pub(super) fn expect_unsigned(&self, document: &Document) -> Result<()> {
         match self.kind {
             ComponentType::U8 | ComponentType::U16 | ComponentType::U32 => Ok(()),
             other => {
@@ -113,7 +147,7 @@ impl<'d> Accessor<'d> {
         }
     }
 
-    /// Fails unless elements are floats, or, where that is accepted, integers that stand for them.
+    /// Fails unless elements are floats, or, where that is accepted, integers that encode them.
     pub(super) fn expect_floats(&self, document: &Document, normalized_too: bool) -> Result<()> {
         let small = !matches!(self.kind, ComponentType::F32 | ComponentType::U32);
         if self.kind == ComponentType::F32 || (normalized_too && self.normalized && small) {
@@ -129,6 +163,13 @@ impl<'d> Accessor<'d> {
         self.element(element).map_or(0, |bytes| unsigned(bytes, self.kind))
     }
 
+    /// Element `element` as up to four unsigned integers.
+    pub(super) fn integers(&self, element: usize) -> [u32; 4] {
+        let Some(bytes) = self.element(element) else { return [0; 4] };
+        let mut components = bytes.chunks_exact(self.kind.size()).map(|bytes| unsigned(bytes, self.kind));
+        std::array::from_fn(|_| components.next().unwrap_or(0))
+    }
+
     /// The first `N` components of element `element`; missing components are 0.
     pub(super) fn vector<const N: usize>(&self, element: usize) -> [f32; N] {
         let Some(bytes) = self.element(element) else { return [0.0; N] };
@@ -138,7 +179,7 @@ impl<'d> Accessor<'d> {
     }
 
     /// Bytes of one element; `None` where the accessor is implicitly zero.
-    fn element(&self, element: usize) -> Option<&'d [u8]> {
+    fn element(&self, element: usize) -> Option<&[u8]> {
         let size = self.components * self.kind.size();
         if let Some(sparse) = &self.sparse
             && let Ok(place) = sparse.elements.binary_search(&element)
@@ -171,13 +212,12 @@ impl<'d> Sparse<'d> {
             let view = document.view(view, &at(&format!("{member}/bufferView")))?;
             let range =
                 (count as u64).checked_mul(size as u64).and_then(|length| Some((offset, offset.checked_add(length)?)));
-            range.filter(|&(_, end)| end <= view.bytes.len() as u64).map(|(start, end)| &view.bytes[start as usize..end as usize]).ok_or_else(
-                || {
-                    let found = view.bytes.len();
-                    let problem = format!("expected {count} elements of {size} bytes from byte {offset} to fit in {}, found {found} bytes", view.pointer);
-                    document.error(at(member), problem)
-                },
-            )
+            let range = range.filter(|&(_, end)| end <= view.bytes.len() as u64);
+            range.map(|(start, end)| &view.bytes[start as usize..end as usize]).ok_or_else(|| {
+                let (whole, found) = (&view.pointer, view.bytes.len());
+                let wanted = format!("{count} elements of {size} bytes from byte {offset} to fit in {whole}");
+                document.error(at(member), format!("expected {wanted}, found {found} bytes"))
+            })
         };
         let indices = packed("indices", sparse.indices.buffer_view.value(), sparse.indices.byte_offset.0, kind.size())?;
         let values = packed("values", sparse.values.buffer_view.value(), sparse.values.byte_offset.0, size)?;

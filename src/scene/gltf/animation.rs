@@ -1,9 +1,11 @@
-//! Animations: what the channels make of a node's translation, rotation and scale at a time in seconds.
+//! Animations: what the channels make of a node's translation, rotation, scale and morph weights at a time in seconds.
 //!
-//! Source: glTF 2.0 §3.11 and Appendix C: STEP, LINEAR (rotations on the great circle, the short way), CUBICSPLINE (Hermite, rotations
-//! normalised after). Times outside a sampler's keys take the first or last value. All animations of the file run together: exporters
-//! write one for each object; where two drive the same property of a node the first one does, with a warning. Evaluated in f64.
-//! Limits: morph weights and targets that extensions define are named, not animated. Files are read so only for a shutter.
+//! Source: glTF 2.0 §3.11 and Appendix C: STEP, LINEAR (rotations on the great circle, the short way), CUBICSPLINE
+//! (Hermite, rotations normalised after). Times outside a sampler's keys take the first or last value. All animations
+//! of the file run together unless one is chosen: exporters write one for each object; where two drive the same
+//! property of a node the first one does, with a warning. Evaluated in f64. Of targets that
+//! KHR_animation_pointer names, those of nodes are animated as others are; the rest are [`Pointed`]. Files are read so
+//! only for a shutter.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -11,11 +13,11 @@ use std::rc::Rc;
 use glam::{DQuat, DVec3, DVec4};
 use serde_json::Value;
 
-use super::super::motion::{Span, Unmoved};
+use super::super::motion::Span;
 use super::accessor::Accessor;
 use super::document::Document;
 use super::json::{brief, one_line};
-use super::node::index_value;
+use super::morph;
 use crate::error::Result;
 
 /// What a node's local transform is made of.
@@ -27,11 +29,12 @@ pub(super) struct Trs {
     pub(super) scale: DVec3,
 }
 
-/// The channels of all animations, by node.
+/// The channels of the animations that run, by node.
 #[derive(Default)]
 pub(super) struct Animations<'d> {
     nodes: HashMap<usize, Vec<Channel<'d>>>,
-    pub(super) unmoved: Vec<Unmoved>,
+    /// Those of morph weights, at most one a node.
+    weights: HashMap<usize, Vec<Channel<'d>>>,
 }
 
 /// Drives one property of a node.
@@ -48,6 +51,10 @@ enum Property {
     Translation,
     Rotation,
     Scale,
+    /// Of so many morph targets.
+    Weights(usize),
+    /// Something else, of up to four numbers.
+    Value,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,31 +65,33 @@ enum Interpolation {
 }
 
 struct Sampler<'d> {
-    /// Seconds, finite, at least 0, strictly increasing, at least one.
+    /// Seconds, finite, strictly increasing, at least one. Some tools write keys before 0, against glTF 2.0 §3.11.
     keys: Rc<[f32]>,
-    /// One element a key; three of cubic splines (in-tangent, value, out-tangent).
+    /// One element a key (of weights, one a target); three of cubic splines (in-tangent, value, out-tangent).
     values: Accessor<'d>,
     interpolation: Interpolation,
 }
 
 impl<'d> Animations<'d> {
-    /// Reads and checks every channel of the file.
-    pub(super) fn read(document: &'d Document) -> Result<Animations<'d>> {
-        let listed = document.table("animations")?;
+    /// Reads and checks every channel of the file, or of one animation.
+    pub(super) fn read(document: &'d Document, chosen: Option<usize>) -> Result<Animations<'d>> {
         let mut animations = Animations::default();
         let mut keys = HashMap::new();
-        for animation in 0..listed.len() {
+        let listed = 0..document.table("animations")?.len();
+        for animation in listed.filter(|animation| chosen.is_none_or(|chosen| chosen == *animation)) {
             let pointer = format!("/animations/{animation}");
-            let name = one_line(&name_of(&listed[animation], animation));
             for place in 0..document.array(&format!("{pointer}/channels"))?.len() {
                 let reader = ChannelReader { document, animation: pointer.clone(), place };
                 match reader.target()? {
+                    Target::Node(_, Property::Weights(0)) => {
+                        document.warn(reader.at("/target"), "drives morph targets of a node without any; ignored");
+                    }
                     Target::Node(node, property) => {
                         let sampler = reader.sampler(property, &mut keys)?;
                         let pointer = reader.at("");
                         animations.add(document, node, Channel { property, sampler, pointer, animation })?;
                     }
-                    Target::Weights => animations.leave_out(format!("morph targets of {name}")),
+                    Target::Pointer(_) => {}
                     Target::Other => document.warn(reader.at("/target"), "is not a property of a node; ignored"),
                 }
             }
@@ -90,15 +99,11 @@ impl<'d> Animations<'d> {
         Ok(animations)
     }
 
-    /// Channels of one animation follow one another.
-    fn leave_out(&mut self, what: String) {
-        if self.unmoved.last().is_none_or(|last| last.what != what) {
-            self.unmoved.push(Unmoved { what, why: "morph targets are not simulated".into() });
-        }
-    }
-
     fn add(&mut self, document: &Document, node: usize, channel: Channel<'d>) -> Result<()> {
-        let channels = self.nodes.entry(node).or_default();
+        let channels = match channel.property {
+            Property::Weights(_) => self.weights.entry(node).or_default(),
+            _ => self.nodes.entry(node).or_default(),
+        };
         match channels.iter().find(|other| other.property == channel.property) {
             None => channels.push(channel),
             Some(other) if other.animation == channel.animation => {
@@ -127,9 +132,21 @@ impl<'d> Animations<'d> {
                 Property::Translation => pose.translation = value.truncate(),
                 Property::Rotation => pose.rotation = DQuat::from_vec4(value),
                 Property::Scale => pose.scale = value.truncate(),
+                Property::Weights(_) | Property::Value => {}
             }
         }
         Ok(pose)
+    }
+
+    /// Whether an animation drives the morph weights of `node`.
+    pub(super) fn drives_weights(&self, node: usize) -> bool {
+        self.weights.contains_key(&node)
+    }
+
+    /// The morph weights of `node` at `time_s`, where they are driven.
+    pub(super) fn weights(&self, document: &Document, node: usize, time_s: f64) -> Result<Option<Vec<f64>>> {
+        let channel = self.weights.get(&node).and_then(|channels| channels.first());
+        channel.map(|channel| channel.sampler.weights_at(document, channel.property, time_s)).transpose()
     }
 }
 
@@ -138,8 +155,8 @@ fn name_of(animation: &Value, index: usize) -> String {
     name.map_or_else(|| format!("animation {index}"), |name| format!("animation '{name}'"))
 }
 
-/// The animations and their times, by the bounds that accessors of keys must state: nothing of a buffer is read, and nothing refused but
-/// what is no list.
+/// The animations and their times, by the bounds that accessors of keys must state: nothing of a buffer is read, and
+/// nothing refused but what is no list.
 pub(super) fn spans(document: &Document) -> Result<Vec<Span>> {
     let bound = |sampler: &Value, member: &str| {
         let input = sampler.get("input")?.as_u64()?;
@@ -155,10 +172,48 @@ pub(super) fn spans(document: &Document) -> Result<Vec<Span>> {
     Ok(document.table("animations")?.iter().enumerate().map(span).collect())
 }
 
+/// The extension by which animations drive anything.
+pub(super) const POINTER: &str = "KHR_animation_pointer";
+
+/// A value of the document that an animation drives.
+pub(super) struct Pointed {
+    /// JSON pointer.
+    pub(super) pointer: String,
+    /// When the shutter opens: a number, or an array of them.
+    pub(super) value: Value,
+    /// Whether it changes later.
+    pub(super) moves: bool,
+}
+
+/// The values besides those of nodes that the animations drive at `times_s`.
+pub(super) fn pointed(document: &Document, chosen: Option<usize>, times_s: &[f64]) -> Result<Vec<Pointed>> {
+    let (mut all, mut keys) = (Vec::new(), HashMap::new());
+    let listed = 0..document.table("animations")?.len();
+    for animation in listed.filter(|animation| chosen.is_none_or(|chosen| chosen == *animation)) {
+        let pointer = format!("/animations/{animation}");
+        for place in 0..document.array(&format!("{pointer}/channels"))?.len() {
+            let reader = ChannelReader { document, animation: pointer.clone(), place };
+            let Target::Pointer(pointer) = reader.target()? else { continue };
+            let sampler = reader.sampler(Property::Value, &mut keys)?;
+            let at = |&time_s: &f64| sampler.at(document, Property::Value, time_s);
+            let first = at(&times_s[0])?;
+            let mut moves = false;
+            for time_s in &times_s[1..] {
+                moves = moves || at(time_s)? != first;
+            }
+            let numbers = &first.to_array()[..sampler.values.components.min(4)];
+            let value = if let [number] = numbers { (*number).into() } else { numbers.to_vec().into() };
+            all.push(Pointed { pointer, value, moves });
+        }
+    }
+    Ok(all)
+}
+
 /// What a channel drives.
 enum Target {
     Node(usize, Property),
-    Weights,
+    /// Something that KHR_animation_pointer names.
+    Pointer(String),
     /// Something that an extension knows.
     Other,
 }
@@ -180,7 +235,7 @@ impl<'d> ChannelReader<'d> {
     fn index(&self, pointer: &str, table: &str) -> Result<usize> {
         let document = self.document;
         let value = document.value(pointer).ok_or_else(|| document.error(pointer, "expected an index, found nothing"));
-        let index = index_value(document, value?, pointer)?;
+        let index = document.index(value?, pointer)?;
         if index < document.array(&format!("/{table}"))?.len() {
             Ok(index)
         } else {
@@ -190,12 +245,15 @@ impl<'d> ChannelReader<'d> {
 
     fn target(&self) -> Result<Target> {
         let at = self.at("/target");
+        if let Some(pointer) = self.document.text(&format!("{at}/extensions/{POINTER}/pointer"))? {
+            return self.pointed(pointer);
+        }
         let path = self.document.value(&format!("{at}/path")).cloned().unwrap_or_default();
         let property = match path.as_str() {
             Some("translation") => Property::Translation,
             Some("rotation") => Property::Rotation,
             Some("scale") => Property::Scale,
-            Some("weights") => return Ok(Target::Weights),
+            Some("weights") => Property::Weights(0),
             // An extension may define the target instead of a node.
             _ if self.document.value(&format!("{at}/extensions")).is_some() => return Ok(Target::Other),
             _ => {
@@ -204,10 +262,41 @@ impl<'d> ChannelReader<'d> {
             }
         };
         let node = format!("{at}/node");
-        match self.document.value(&node) {
-            None => Ok(Target::Other),
-            Some(_) => Ok(Target::Node(self.index(&node, "nodes")?, property)),
+        if self.document.value(&node).is_none() {
+            return Ok(Target::Other);
         }
+        self.node(self.index(&node, "nodes")?, property)
+    }
+
+    /// What a pointer leads to.
+    fn pointed(&self, pointer: &str) -> Result<Target> {
+        let parts: Vec<&str> = pointer.split('/').collect();
+        let ["", "nodes", node, property] = parts[..] else { return Ok(Target::Pointer(pointer.to_owned())) };
+        let property = match property {
+            "translation" => Property::Translation,
+            "rotation" => Property::Rotation,
+            "scale" => Property::Scale,
+            "weights" => Property::Weights(0),
+            _ => return Ok(Target::Pointer(pointer.to_owned())),
+        };
+        let count = self.document.table("nodes")?.len();
+        match node.parse().ok().filter(|&node: &usize| node < count) {
+            Some(node) => self.node(node, property),
+            None => {
+                let problem = format!("expected a node below {count}, found {}", one_line(pointer));
+                Err(self.document.error(self.at("/target"), problem))
+            }
+        }
+    }
+
+    fn node(&self, index: usize, property: Property) -> Result<Target> {
+        if property != Property::Weights(0) {
+            return Ok(Target::Node(index, property));
+        }
+        let mesh = self.document.value(&format!("/nodes/{index}/mesh")).and_then(Value::as_u64);
+        let mesh = mesh.and_then(|mesh| usize::try_from(mesh).ok());
+        let targets = mesh.map(|mesh| morph::count(self.document, mesh)).transpose()?.unwrap_or(0);
+        Ok(Target::Node(index, Property::Weights(targets)))
     }
 
     /// The channel's sampler; `keys` are those read before, by accessor.
@@ -230,9 +319,19 @@ impl<'d> ChannelReader<'d> {
             None => keys.entry(input).or_insert(read_keys(document, input, &at("input"))?).clone(),
         };
         let values = Accessor::open(document, self.index(&at("output"), "accessors")?, &at("output"))?;
-        values.expect_components(document, if property == Property::Rotation { &[4] } else { &[3] })?;
-        values.expect_floats(document, property == Property::Rotation)?;
-        let wanted = keys.len() as u64 * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let (components, each): (&[usize], u64) = match property {
+            Property::Weights(targets) => (&[1], targets as u64),
+            Property::Rotation => (&[4], 1),
+            Property::Translation | Property::Scale => (&[3], 1),
+            Property::Value => (&[1, 2, 3, 4], 1),
+        };
+        values.expect_components(document, components)?;
+        // Switches are integers.
+        if property != Property::Value {
+            values.expect_floats(document, !matches!(property, Property::Translation | Property::Scale))?;
+        }
+        let groups = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let wanted = (keys.len() as u64 * groups).saturating_mul(each);
         if values.count as u64 != wanted {
             let problem = format!("expected {wanted} values for {} keys, found {}", keys.len(), values.count);
             return Err(document.error(format!("{}/count", values.pointer), problem));
@@ -248,8 +347,8 @@ fn read_keys(document: &Document, index: usize, from: &str) -> Result<Rc<[f32]>>
     input.expect_floats(document, false)?;
     document.charge(input.count, &input.pointer)?;
     let keys: Rc<[f32]> = (0..input.count).map(|key| input.vector::<1>(key)[0]).collect();
-    if let Some(key) = keys.iter().position(|time| !(0.0..f32::INFINITY).contains(time)) {
-        let problem = format!("expected finite times of at least 0 s, found {} (key {key})", keys[key]);
+    if let Some(key) = keys.iter().position(|time| !time.is_finite()) {
+        let problem = format!("expected finite times, found {} (key {key})", keys[key]);
         return Err(document.error(&input.pointer, problem));
     }
     if let Some(key) = keys.windows(2).position(|pair| pair[0] >= pair[1]) {
@@ -261,43 +360,62 @@ fn read_keys(document: &Document, index: usize, from: &str) -> Result<Rc<[f32]>>
 }
 
 impl Sampler<'_> {
-    /// The value at `time_s`; of rotations a unit quaternion.
-    fn at(&self, document: &Document, property: Property, time_s: f64) -> Result<DVec4> {
+    /// The value at `time_s` as a sum: groups of elements (one a key, three of cubic splines) and their coefficients.
+    fn terms(&self, time_s: f64) -> Vec<(usize, f64)> {
         let keys = &self.keys;
+        let cubic = self.interpolation == Interpolation::CubicSpline;
+        let held = |key: usize| vec![(if cubic { 3 * key + 1 } else { key }, 1.0)];
         let after = keys.partition_point(|&key| f64::from(key) <= time_s);
-        let is_rotation = property == Property::Rotation;
-        let value = |key: usize| match self.interpolation {
-            Interpolation::CubicSpline => self.element(document, 3 * key + 1, is_rotation),
-            _ => self.element(document, key, is_rotation),
-        };
         // Before the first key, and from the last one on.
         if after == 0 {
-            return value(0);
-        }
-        if after == keys.len() {
-            return value(after - 1);
+            return held(0);
         }
         let before = after - 1;
+        if after == keys.len() {
+            return held(before);
+        }
         let span_s = f64::from(keys[after]) - f64::from(keys[before]);
         let s = (time_s - f64::from(keys[before])) / span_s;
         match self.interpolation {
-            Interpolation::Step => value(before),
-            Interpolation::Linear if is_rotation => {
-                let (a, b) = (DQuat::from_vec4(value(before)?), DQuat::from_vec4(value(after)?));
-                Ok(DVec4::from(a.slerp(b, s).normalize()))
-            }
-            Interpolation::Linear => Ok(value(before)?.lerp(value(after)?, s)),
+            Interpolation::Step => held(before),
+            Interpolation::Linear => vec![(before, 1.0 - s), (after, s)],
             Interpolation::CubicSpline => {
-                let leaving = self.element(document, 3 * before + 2, false)? * span_s;
-                let arriving = self.element(document, 3 * after, false)? * span_s;
                 let (s2, s3) = (s * s, s * s * s);
-                let sum = self.element(document, 3 * before + 1, false)? * (2.0 * s3 - 3.0 * s2 + 1.0)
-                    + leaving * (s3 - 2.0 * s2 + s)
-                    + self.element(document, 3 * after + 1, false)? * (3.0 * s2 - 2.0 * s3)
-                    + arriving * (s3 - s2);
-                if is_rotation { self.unit(document, sum, 3 * before + 1) } else { Ok(sum) }
+                vec![
+                    (3 * before + 1, 2.0 * s3 - 3.0 * s2 + 1.0),
+                    (3 * before + 2, span_s * (s3 - 2.0 * s2 + s)),
+                    (3 * after + 1, 3.0 * s2 - 2.0 * s3),
+                    (3 * after, span_s * (s3 - s2)),
+                ]
             }
         }
+    }
+
+    /// The value at `time_s`; of rotations a unit quaternion.
+    fn at(&self, document: &Document, property: Property, time_s: f64) -> Result<DVec4> {
+        let is_rotation = property == Property::Rotation;
+        let terms = self.terms(time_s);
+        if let (true, Interpolation::Linear, &[(from, _), (to, s)]) = (is_rotation, self.interpolation, &terms[..]) {
+            let end = |key| self.element(document, key, true).map(DQuat::from_vec4);
+            return Ok(DVec4::from(end(from)?.slerp(end(to)?, s).normalize()));
+        }
+        let mut sum = DVec4::ZERO;
+        for &(element, coefficient) in &terms {
+            sum += self.element(document, element, false)? * coefficient;
+        }
+        if is_rotation { self.unit(document, sum, terms[0].0) } else { Ok(sum) }
+    }
+
+    /// The weights at `time_s`, one a target.
+    fn weights_at(&self, document: &Document, property: Property, time_s: f64) -> Result<Vec<f64>> {
+        let Property::Weights(targets) = property else { return Ok(Vec::new()) };
+        let mut weights = vec![0.0; targets];
+        for (group, coefficient) in self.terms(time_s) {
+            for (target, weight) in weights.iter_mut().enumerate() {
+                *weight += self.element(document, group * targets + target, false)?.x * coefficient;
+            }
+        }
+        Ok(weights)
     }
 
     /// One element of the values, at unit length where asked for.

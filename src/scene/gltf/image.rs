@@ -1,7 +1,7 @@
 //! The textures of a file: which image in which colour space with which sampler, decoded once however often it is used.
 //!
-//! Source: glTF 2.0 §3.8 and §5.29 (samplers). An image read both as colour and as data becomes two textures that share
-//! their texels. The sampler's minification filter is not read: a path tracer filters by sampling the pixel, and
+//! Source: glTF 2.0 §3.8 and §5.29 (samplers). An image read both as colour and as data becomes two textures that
+//! share their texels. The sampler's minification filter is not read: a path tracer filters by sampling the pixel, and
 //! `--texture-filter` says how else.
 
 use std::collections::HashMap;
@@ -11,16 +11,21 @@ use std::sync::Arc;
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::{Image, Texture as JsonTexture, texture::Sampler};
 
-use super::super::{ColorSpace, LoadOptions, MissingTexture, Texels, Texture, TextureId, Wrap};
+use super::super::{ColorSpace, LoadOptions, MissingTexture, Slot, Texels, Texture, TextureId, Wrap};
 use super::document::{Document, View};
+use super::ext::ext_texture_webp;
+#[cfg(feature = "basisu")]
+use super::ext::khr_texture_basisu;
 use super::uri::Resource;
 use crate::error::Result;
-use crate::texture::decode::{Decoder, Encoded, Image as DecodedImage};
+use crate::plain::one_line;
+use crate::texture::decode::{Decoder, Encoded, Image as DecodedImage, Problem};
 use crate::texture::load::{self as loading, Loaded};
 use crate::texture::udim::{self, Udim};
 
 impl Request {
-    /// What stands in for an image that is missing: magenta, and in data what changes nothing (a flat normal, a factor of 1).
+    /// What stands in for an image that is missing: magenta, and in data what changes nothing (a flat normal, a factor
+    /// of 1).
     fn stand_in(&self) -> [u8; 4] {
         match self.color_space {
             ColorSpace::Srgb => [255, 0, 255, 255],
@@ -51,25 +56,27 @@ struct Request {
 }
 
 impl TextureTable {
-    /// Id of `/textures/index` read in a colour space. `None`, with a warning, if its image is in a format of an extension.
+    /// Id of `/textures/index` read for a slot. `None`, with a warning, if its image is in a format of an
+    /// extension.
     pub(super) fn request(
         &mut self,
         document: &Document,
         index: usize,
-        color_space: ColorSpace,
+        slot: Slot,
         from: &str,
     ) -> Result<Option<TextureId>> {
+        let color_space = slot.color_space();
         let key = (index, color_space == ColorSpace::Srgb);
         if let Some(&id) = self.known.get(&key) {
             return Ok(id);
         }
         let texture: JsonTexture = document.element("textures", index, from)?;
         let pointer = format!("/textures/{index}");
-        // The extension's image is the better one; `source` is for readers without WebP.
-        let webp = format!("{pointer}/extensions/EXT_texture_webp/source");
-        let webp = document.value(&webp).map(|value| (value, webp));
-        if webp.is_none() && document.value(&format!("{pointer}/source")).is_none() {
-            document.warn(&pointer, "has no PNG, JPEG or WebP source; the texture is ignored");
+        let other = ext_texture_webp::source(document, &pointer)?;
+        #[cfg(feature = "basisu")]
+        let other = other.map_or_else(|| khr_texture_basisu::source(document, &pointer), |webp| Ok(Some(webp)))?;
+        if other.is_none() && document.value(&format!("{pointer}/source")).is_none() {
+            document.warn(&pointer, "has no source in a format that is read; the texture is ignored");
             self.known.insert(key, None);
             return Ok(None);
         }
@@ -82,19 +89,16 @@ impl TextureTable {
             let filter = sampler.mag_filter.map(|filter| document.checked(filter, &at("magFilter"))).transpose()?;
             bilinear = filter != Some(MagFilter::Nearest);
         }
-        let (image, source) = match webp {
-            None => (texture.source.value(), format!("{pointer}/source")),
-            Some((value, source)) => {
-                let image = value.as_u64().and_then(|image| usize::try_from(image).ok());
-                let problem = || document.error(&source, format!("expected the number of an image, found {value}"));
-                (image.ok_or_else(problem)?, source)
-            }
-        };
-        let described: Image = document.element("images", image, &source)?;
-        let file = described.uri.filter(|uri| !uri.starts_with("data:"));
-        let name = described.name.or(file).unwrap_or_else(|| format!("image {image}"));
+        let (image, source) = other.unwrap_or_else(|| (texture.source.value(), format!("{pointer}/source")));
+        if image >= document.table("images")?.len() {
+            return Err(document.out_of_range("images", image, &source));
+        }
+        // Its URI may hold all of the image.
+        let described = |member: &str| document.text(&format!("/images/{image}/{member}"));
+        let file = described("uri")?.filter(|uri| !uri.starts_with("data:"));
+        let name = described("name")?.or(file).map_or_else(|| format!("image {image}"), str::to_owned);
         let id = TextureId(self.requests.len() as u32);
-        let (material, is_normal_map) = (material_of(document, from), from.contains("/normalTexture"));
+        let (material, is_normal_map) = (material_of(document, from), slot.is_normal_map());
         self.requests.push(Request { name, material, is_normal_map, image, color_space, wrap_u, wrap_v, bilinear });
         self.known.insert(key, Some(id));
         Ok(Some(id))
@@ -107,6 +111,7 @@ impl TextureTable {
         for request in &self.requests {
             of_request.push(pages_of(document, request, options, &mut pages)?);
         }
+        let names: Vec<String> = pages.iter().map(|page| page.name(document)).collect();
         let found: Vec<(usize, loading::Request)> = (pages.iter().enumerate())
             .filter_map(|(i, page)| {
                 let encoded = match page.source.as_ref().ok()? {
@@ -114,20 +119,20 @@ impl TextureTable {
                     Source::Borrowed(bytes) => Encoded::Bytes(bytes),
                     Source::Shared(bytes) => Encoded::Bytes(bytes),
                 };
-                Some((i, loading::Request { encoded, color_spaces: page.color_spaces }))
+                Some((i, loading::Request { encoded, color_spaces: page.color_spaces, name: &names[i] }))
             })
             .collect();
         let (places, requests): (Vec<usize>, Vec<loading::Request>) = found.into_iter().unzip();
-        let loaded = loading::load(&requests, options.texture_budget);
-        if loaded.excess_bytes > 0 {
-            let (asked, excess) = (options.texture_budget.bytes >> 20, loaded.excess_bytes.div_ceil(1 << 20));
-            let what = format!("take {excess} MB more than --texture-memory {asked}: this build has no texture cache");
-            document.warn("/images", what);
-        }
+        let strict = options.missing_texture == MissingTexture::Error;
+        let loaded = loading::load(&requests, options.texture_budget, strict);
         let mut images: Vec<Result<Loaded, String>> =
             pages.iter().map(|page| page.source.as_ref().map(|_| Loaded::default()).map_err(String::clone)).collect();
-        for (place, image) in places.into_iter().zip(loaded.images) {
-            images[place] = image;
+        for (place, image) in places.into_iter().zip(loaded) {
+            images[place] = match image {
+                Ok(image) => Ok(image),
+                Err(Problem::Image(problem)) => Err(problem),
+                Err(Problem::Machine(error)) => return Err(error),
+            };
         }
         let textures = self.requests.iter().zip(&of_request);
         textures.map(|(request, pages_of)| texture(document, request, options, (&pages, &images), pages_of)).collect()
@@ -143,6 +148,19 @@ struct Page<'d> {
     /// Where it is, or why it cannot be read.
     source: Result<Source<'d>, String>,
     color_spaces: [Option<ColorSpace>; 2],
+    /// The first material that asks for it.
+    material: String,
+}
+
+impl Page<'_> {
+    /// Its file and material, for messages.
+    fn name(&self, document: &Document) -> String {
+        let by = format!("(texture of material \"{}\")", self.material);
+        one_line(&match &self.source {
+            Ok(Source::File(path)) => format!("{} {by}", path.display()),
+            _ => format!("{}#/images/{} {by}", document.file.display(), self.image),
+        })
+    }
 }
 
 enum Source<'d> {
@@ -167,7 +185,8 @@ fn pages_of<'d>(
     let first = pages.len();
     if known.is_empty() {
         for (number, source) in sources(document, request.image, options)? {
-            pages.push(Page { image: request.image, number, source, color_spaces: [None; 2] });
+            let material = request.material.clone();
+            pages.push(Page { image: request.image, number, source, color_spaces: [None; 2], material });
         }
     }
     let mine: Vec<usize> = if known.is_empty() { (first..pages.len()).collect() } else { known };
@@ -200,13 +219,11 @@ fn sources<'d>(
         Resource::Inline(bytes) => return Ok(vec![(0, Ok(Source::Shared(Arc::new(bytes))))]),
         Resource::File(path) => path,
     };
-    let file = |path: &Path| match path.canonicalize() {
-        Ok(found) if found.is_file() => {
-            let prefers = options.texture_budget.decoder == Decoder::Default;
-            Ok(Source::File(loading::beside(&found).filter(|_| prefers).unwrap_or(found)))
-        }
-        Ok(_) => Err(format!("cannot read {}: not a regular file", path.display())),
-        Err(reason) => Err(format!("cannot read {}: {reason}", path.display())),
+    let file = |path: &Path| {
+        let found = document.admit(path)?;
+        let prefers = options.texture_budget.decoder != Decoder::Crates;
+        let beside = loading::beside(&found).filter(|_| prefers);
+        Ok(Source::File(beside.map_or(Ok(found), |tx| document.admit(&tx))?))
     };
     let name = path.to_string_lossy().into_owned();
     if !name.contains(udim::MARK) {
@@ -273,7 +290,8 @@ fn texture(
     })
 }
 
-/// Pointer and problem of an image that cannot be used: its file, if that is another one, and the material that asks for it.
+/// Pointer and problem of an image that cannot be used: its file, if that is another one, and the material that asks
+/// for it.
 fn named(document: &Document, request: &Request, problem: &str) -> (String, String) {
     let pointer = format!("/images/{}", request.image);
     let uri = document.value(&format!("{pointer}/uri")).and_then(|uri| uri.as_str());

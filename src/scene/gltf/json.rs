@@ -1,4 +1,5 @@
-//! The raw material of a document: GLB chunks, JSON made safe for the `gltf` crate's types, and short texts about values.
+//! The raw material of a document: GLB chunks, JSON made safe for the `gltf` crate's types, and short texts about
+//! values.
 
 use std::ops::Range;
 
@@ -56,15 +57,26 @@ pub(super) fn glb_chunks(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usi
     Ok((json.ok_or("expected a JSON chunk in the GLB, found none")?, binary))
 }
 
-/// Drops `extras` (the crate cannot read them inside extensions; those of scenes are kept), and saturates numbers that it
-/// would wrap: index 2³² must not become index 0.
+/// The text of a JSON document without a byte order mark, which readers may ignore (RFC 8259 §8.1).
+pub(super) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+/// Drops `extras` (the crate cannot read them inside extensions; those of scenes are kept), makes integers of integral
+/// numbers (4.0 is a count like 4, glTF 2.0 §2.7), and saturates numbers that the crate would wrap: index 2³² must
+/// not become index 0.
 pub(super) fn normalise_root(root: &mut Value) {
     let Value::Object(tables) = root else { return };
     for (name, table) in tables.iter_mut() {
         match table {
             Value::Array(scenes) if name == "scenes" => {
-                let members = scenes.iter_mut().filter_map(Value::as_object_mut).flatten();
-                members.filter(|(name, _)| *name != "extras").for_each(|(_, member)| normalise(member));
+                for (name, member) in scenes.iter_mut().filter_map(Value::as_object_mut).flatten() {
+                    match (name.as_str(), member.pointer_mut("/render")) {
+                        ("extras", Some(render)) => normalise(render),
+                        ("extras", None) => {}
+                        _ => normalise(member),
+                    }
+                }
             }
             other => normalise(other),
         }
@@ -78,16 +90,28 @@ fn normalise(value: &mut Value) {
         Value::Object(members) => {
             members.remove("extras");
             for (name, member) in members.iter_mut() {
+                normalise(member);
                 if NARROW_MEMBERS.contains(&name.as_str()) {
                     saturate(member);
                 } else if let ("attributes", Value::Object(semantics)) = (name.as_str(), &mut *member) {
                     semantics.values_mut().for_each(saturate);
                 }
-                normalise(member);
+            }
+        }
+        Value::Number(number) if number.is_f64() => {
+            if let Some(integer) = number.as_f64().and_then(integral) {
+                *value = integer.into();
             }
         }
         _ => {}
     }
+}
+
+/// `number` as an integer, if it is one that f64 holds exactly. −0 stays what it is.
+fn integral(number: f64) -> Option<u64> {
+    const EXACT: f64 = (1u64 << f64::MANTISSA_DIGITS) as f64;
+    let whole = number.is_sign_positive() && number.fract() == 0.0 && number <= EXACT;
+    whole.then_some(number as u64)
 }
 
 fn saturate(value: &mut Value) {
@@ -96,7 +120,8 @@ fn saturate(value: &mut Value) {
     }
 }
 
-/// Path below `value` of the member because of which it does not convert to `T`: the one whose removal changes the message.
+/// Path below `value` of the member because of which it does not convert to `T`: the one whose removal changes the
+/// message.
 pub(super) fn culprit<T: DeserializeOwned>(value: &Value, message: &str) -> String {
     /// More members than any glTF object has; the search costs a conversion for each.
     const MEMBERS: usize = 64;

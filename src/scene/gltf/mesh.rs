@@ -2,12 +2,12 @@
 //!
 //! Source: glTF 2.0 §3.7. Missing normals mean flat shading; tangents are kept only under a normal map and computed by
 //! MikkTSpace where the file has none. Non-finite positions are errors; triangles without area are dropped and counted.
-//! Texture coordinates come by channel (`uv`). Limits: COLOR_0 alone of the vertex colours; skins and morph targets are ignored
-//! with a warning.
+//! Texture coordinates come by channel (`uv`). Limits: COLOR_0 alone of the vertex colours; morph targets (`morph`) and
+//! skins (`skin`) are posed once.
 
 use std::collections::BTreeMap;
 
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use gltf::json::Index;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -16,7 +16,12 @@ use super::super::geometry::{LARGEST_COORDINATE_M, is_degenerate};
 use super::super::{Dropped, MaterialId, Mesh};
 use super::accessor::Accessor;
 use super::document::Document;
+use super::ext;
+#[cfg(feature = "draco")]
+use super::ext::khr_draco_mesh_compression;
 use super::material::{MaterialTable, Variant};
+use super::morph::Morph;
+use super::skin::{self, Influences, Skin};
 use super::uv::UvChannel;
 use super::{tangent, topology};
 use crate::error::Result;
@@ -29,10 +34,22 @@ pub(super) fn read(
     materials: &mut MaterialTable,
     dropped: &mut Dropped,
 ) -> Result<Option<Mesh>> {
-    let reader = Reader { document, pointer: place.pointer, attributes: &primitive.attributes };
-    reader.warn_ignored(primitive);
-    let positions = reader.required(Semantic::Positions, "POSITION", &[3])?;
+    let mut reader = Reader {
+        document,
+        pointer: place.pointer,
+        attributes: &primitive.attributes,
+        #[cfg(feature = "draco")]
+        decoded: khr_draco_mesh_compression::decode(document, place.pointer)?,
+        morph: Morph::default(),
+    };
+    reader.warn_ignored();
+    let Some(positions) = reader.optional(Semantic::Positions, "POSITION", &[3])? else {
+        document.warn(place.pointer, "has no POSITION and is left out");
+        return Ok(None);
+    };
     let indices = match primitive.indices {
+        #[cfg(feature = "draco")]
+        _ if reader.decoded.is_some() => reader.decoded_indices(),
         None => None,
         Some(index) => {
             let indices = Accessor::open(document, index.value(), &reader.at("indices"))?;
@@ -41,36 +58,58 @@ pub(super) fn read(
         }
     };
     let mode = document.checked(primitive.mode, &reader.at("mode"))?;
+    // A stream holds plain triangles, also of strips.
+    #[cfg(feature = "draco")]
+    let mode = if reader.decoded.is_some() { gltf::json::mesh::Mode::Triangles } else { mode };
     let mut topology = topology::read(document, mode, indices.as_ref(), positions.count, place.pointer)?;
     dropped.points_and_lines = dropped.points_and_lines.saturating_add(topology.points_and_lines);
 
-    let at = |vertex: u32| Vec3::from_array(positions.vector(vertex as usize));
-    if let Some(&vertex) = topology.vertices.iter().find(|&&vertex| !at(vertex).is_finite()) {
-        let problem = format!("expected finite positions, found {} at element {vertex}", at(vertex));
+    reader.morph = Morph::read(document, place.pointer, place.weights, topology.vertices.len())?;
+
+    let influences = if place.skin.is_some() { reader.influences(positions.count)? } else { Vec::new() };
+    if let Some(skin) = place.skin {
+        skin.check(document, &influences, &topology.vertices)?;
+    }
+    // One a vertex; none without a skin.
+    let posed = |skin: &Skin| topology.vertices.iter().map(|&vertex| skin.matrix(&influences, vertex)).collect();
+    let mut matrices: Vec<Option<DAffine3>> = place.skin.map_or_else(Vec::new, posed);
+    let displaced = reader.morph.of(document, "POSITION", positions.count)?;
+    let point = |(number, &vertex): (usize, &u32)| {
+        let modelled = displaced.applied(vertex, positions.vector(vertex as usize));
+        skin::moved(matrices.get(number).copied().flatten(), Vec3::from_array(modelled))
+    };
+    let mut points: Vec<Vec3> = topology.vertices.iter().enumerate().map(point).collect();
+    if let Some((point, vertex)) = points.iter().zip(&topology.vertices).find(|(point, _)| !point.is_finite()) {
+        let problem = format!("expected finite positions, found {point} at element {vertex}");
         return Err(document.error(&positions.pointer, problem));
     }
     let all = topology.triangles.len();
-    let vertices = &topology.vertices;
-    topology.triangles.retain(|triangle| has_area(triangle.map(|corner| at(vertices[corner as usize]))));
+    topology.triangles.retain(|triangle| has_area(triangle.map(|corner| points[corner as usize])));
     dropped.degenerate_triangles += all - topology.triangles.len();
     if topology.triangles.is_empty() {
         return Ok(None);
     }
-    // A vertex that only dropped triangles used is not looked at again.
+    // A vertex that only dropped triangles used is not validated again.
     if topology.triangles.len() < all {
         let kept = topology::compact(&mut topology.triangles);
         topology.vertices = kept.iter().map(|&vertex| topology.vertices[vertex as usize]).collect();
+        points = kept.iter().map(|&vertex| points[vertex as usize]).collect();
+        matrices = kept.iter().filter_map(|&vertex| matrices.get(vertex as usize).copied()).collect();
     }
     let (vertices, triangles) = (topology.vertices, topology.triangles);
 
     let mut mesh = Mesh {
         name: place.name,
-        positions: vertices.iter().map(|&vertex| at(vertex)).collect(),
+        positions: points,
         material: reader.material(primitive, materials)?,
         triangles,
         ..Mesh::default()
     };
     mesh.normals = reader.normals(&vertices, positions.count, &mesh)?;
+    for (normal, matrix) in mesh.normals.iter_mut().flatten().zip(&matrices) {
+        let turned = matrix.map(|matrix| matrix.matrix3.inverse().transpose() * normal.as_dvec3());
+        *normal = turned.and_then(DVec3::try_normalize).map_or(*normal, |turned| turned.as_vec3());
+    }
     reader.channels(&vertices, positions.count, &mut mesh, materials)?;
     mesh.colors = reader.colors(&vertices, positions.count)?;
     if mesh.colors.is_some() {
@@ -79,21 +118,32 @@ pub(super) fn read(
         mesh.material = materials.variant(mesh.material, variant);
     }
     let material = &materials.materials[mesh.material.index()];
-    if let Some(slot) = material.normal_texture {
+    if let Some(channel) = material.tangent_channel() {
         let channels = materials.channels(mesh.material);
-        let kept = channels.get(slot.uv_set as usize).is_none_or(UvChannel::keeps_tangents);
+        let kept = channels.get(channel as usize).is_none_or(UvChannel::keeps_tangents);
         if mesh.uvs.is_none() {
-            mesh.material = materials.variant(mesh.material, Variant::WithoutNormalMap);
+            if !material.reads_textures() {
+                document
+                    .warn(place.pointer, format!("has no TEXCOORD_0; the grain of \"{}\" is ignored", material.name));
+            }
+            mesh.material = materials.variant(mesh.material, Variant::WithoutTangents);
         } else {
             // The file's tangents follow its own texture coordinates; turned ones need others.
             let usable = mesh.normals.is_some() && kept;
             let given = if usable { reader.tangents(&vertices, positions.count)? } else { None };
             match given {
-                Some(tangents) => mesh.tangents = Some(tangents),
+                Some(mut tangents) => {
+                    for (tangent, matrix) in tangents.iter_mut().zip(&matrices) {
+                        let turned = matrix.map(|matrix| matrix.matrix3 * tangent.truncate().as_dvec3());
+                        let turned = turned.and_then(DVec3::try_normalize);
+                        *tangent = turned.map_or(*tangent, |turned| turned.as_vec3().extend(tangent.w));
+                    }
+                    mesh.tangents = Some(tangents);
+                }
                 None => {
-                    if let Err(reason) = tangent::generate(&mut mesh, slot.uv_set) {
-                        document.warn(place.pointer, format!("{reason}; its normal map is ignored"));
-                        mesh.material = materials.variant(mesh.material, Variant::WithoutNormalMap);
+                    if let Err(reason) = tangent::generate(&mut mesh, channel) {
+                        document.warn(place.pointer, format!("{reason}; its normal map and grain are ignored"));
+                        mesh.material = materials.variant(mesh.material, Variant::WithoutTangents);
                     }
                 }
             }
@@ -108,6 +158,10 @@ pub(super) struct Place<'p> {
     pub(super) pointer: &'p str,
     /// What the mesh is to be called.
     pub(super) name: String,
+    /// What moves its vertices.
+    pub(super) skin: Option<&'p Skin>,
+    /// Of its morph targets.
+    pub(super) weights: &'p [f64],
 }
 
 /// Whether a triangle's area is positive and finite as `f32`, which is what light sampling divides by.
@@ -123,6 +177,9 @@ struct Reader<'d> {
     document: &'d Document,
     pointer: &'d str,
     attributes: &'d BTreeMap<Checked<Semantic>, Index<gltf::json::Accessor>>,
+    #[cfg(feature = "draco")]
+    decoded: Option<khr_draco_mesh_compression::Decoded>,
+    morph: Morph,
 }
 
 impl<'d> Reader<'d> {
@@ -133,13 +190,20 @@ impl<'d> Reader<'d> {
     fn optional(&self, semantic: Semantic, name: &str, components: &[usize]) -> Result<Option<Accessor<'d>>> {
         let Some(index) = self.attributes.get(&Checked::Valid(semantic)) else { return Ok(None) };
         let accessor = Accessor::open(self.document, index.value(), &self.at(&format!("attributes/{name}")))?;
+        #[cfg(feature = "draco")]
+        let accessor = match self.decoded.as_ref().and_then(|decoded| decoded.attributes.get(name)) {
+            Some(values) => accessor.holding(values.clone()),
+            None => accessor,
+        };
         accessor.expect_components(self.document, components)?;
         Ok(Some(accessor))
     }
 
-    fn required(&self, semantic: Semantic, name: &str, components: &[usize]) -> Result<Accessor<'d>> {
-        let missing = || self.document.error(self.at("attributes"), format!("expected {name}, found none"));
-        self.optional(semantic, name, components)?.ok_or_else(missing)
+    /// The triangles of the primitive's stream.
+    #[cfg(feature = "draco")]
+    fn decoded_indices(&self) -> Option<Accessor<'d>> {
+        let pointer = self.at(&format!("extensions/{}", khr_draco_mesh_compression::NAME));
+        self.decoded.as_ref().map(|decoded| Accessor::of_indices(decoded.indices.clone(), pointer))
     }
 
     /// An attribute that must have as many elements as there are vertices.
@@ -160,6 +224,23 @@ impl<'d> Reader<'d> {
         }
     }
 
+    /// Every set of joints and weights.
+    fn influences(&self, count: usize) -> Result<Vec<Influences<'d>>> {
+        let mut sets = Vec::new();
+        for set in 0.. {
+            let joints = self.matching(Semantic::Joints(set), &format!("JOINTS_{set}"), &[4], count)?;
+            let weights = self.matching(Semantic::Weights(set), &format!("WEIGHTS_{set}"), &[4], count)?;
+            let Some((joints, weights)) = joints.zip(weights) else { break };
+            joints.expect_unsigned(self.document)?;
+            weights.expect_floats(self.document, true)?;
+            sets.push(Influences { joints, weights });
+        }
+        if sets.is_empty() {
+            self.document.warn(self.pointer, "has a skin and no JOINTS_0 and WEIGHTS_0; it is shown as modelled");
+        }
+        Ok(sets)
+    }
+
     fn material(&self, primitive: &Primitive, materials: &mut MaterialTable) -> Result<MaterialId> {
         let Some(index) = primitive.material else { return Ok(materials.default_material()) };
         let index = index.value();
@@ -172,7 +253,11 @@ impl<'d> Reader<'d> {
     /// Unit normals. One without direction is replaced by the mean normal of the triangles around it.
     fn normals(&self, vertices: &[u32], count: usize, mesh: &Mesh) -> Result<Option<Vec<Vec3>>> {
         let Some(accessor) = self.matching(Semantic::Normals, "NORMAL", &[3], count)? else { return Ok(None) };
-        let unit = |&vertex: &u32| Vec3::from_array(accessor.vector(vertex as usize)).as_dvec3().try_normalize();
+        let displaced = self.morph.of(self.document, "NORMAL", count)?;
+        let unit = |&vertex: &u32| {
+            let normal: [f32; 3] = displaced.applied(vertex, accessor.vector(vertex as usize));
+            Vec3::from_array(normal).as_dvec3().try_normalize()
+        };
         let read: Vec<Option<DVec3>> = vertices.iter().map(unit).collect();
         let invalid = read.iter().filter(|normal| normal.is_none()).count();
         let mut normals: Vec<DVec3> = read.iter().map(|normal| normal.unwrap_or(DVec3::ZERO)).collect();
@@ -223,8 +308,9 @@ impl<'d> Reader<'d> {
             return Ok(None);
         };
         let mut invalid = 0;
+        let displaced = self.morph.of(self.document, &format!("TEXCOORD_{set}"), count)?;
         let finite = |&vertex: &u32| {
-            let uv: [f32; 2] = accessor.vector(vertex as usize);
+            let uv: [f32; 2] = displaced.applied(vertex, accessor.vector(vertex as usize));
             let finite = uv.map(|x| if x.is_finite() { x } else { 0.0 });
             invalid += usize::from(uv.iter().any(|x| !x.is_finite()));
             Vec2::from_array(finite)
@@ -240,10 +326,12 @@ impl<'d> Reader<'d> {
     /// The file's tangents, unless one of them has no direction.
     fn tangents(&self, vertices: &[u32], count: usize) -> Result<Option<Vec<Vec4>>> {
         let Some(accessor) = self.matching(Semantic::Tangents, "TANGENT", &[4], count)? else { return Ok(None) };
+        let displaced = self.morph.of(self.document, "TANGENT", count)?;
         let unit = |&vertex: &u32| {
-            let tangent = Vec4::from_array(accessor.vector(vertex as usize));
-            let sign = if tangent.w < 0.0 { -1.0 } else { 1.0 };
-            Some(tangent.truncate().as_dvec3().try_normalize()?.as_vec3().extend(sign))
+            let [x, y, z, w]: [f32; 4] = accessor.vector(vertex as usize);
+            let tangent = Vec3::from_array(displaced.applied(vertex, [x, y, z]));
+            let sign = if w < 0.0 { -1.0 } else { 1.0 };
+            Some(tangent.as_dvec3().try_normalize()?.as_vec3().extend(sign))
         };
         let tangents: Option<Vec<Vec4>> = vertices.iter().map(unit).collect();
         if tangents.is_none() {
@@ -256,13 +344,16 @@ impl<'d> Reader<'d> {
     fn colors(&self, vertices: &[u32], count: usize) -> Result<Option<Vec<Vec4>>> {
         let Some(accessor) = self.matching(Semantic::Colors(0), "COLOR_0", &[3, 4], count)? else { return Ok(None) };
         let mut clamped = 0;
+        let displaced = self.morph.of(self.document, "COLOR_0", count)?;
         let read = |&vertex: &u32| {
-            let mut color = Vec4::from_array(accessor.vector(vertex as usize));
+            let mut color: [f32; 4] = accessor.vector(vertex as usize);
             if accessor.components == 3 {
-                color.w = 1.0;
+                color[3] = 1.0;
             }
+            // Of displaced colours the clamped ones are meant (glTF 2.0 §3.7.2.2).
+            let color = Vec4::from_array(displaced.applied(vertex, color));
             let inside = color.to_array().map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) });
-            clamped += usize::from(inside != color.to_array());
+            clamped += usize::from(inside != color.to_array() && !displaced.is_some());
             Vec4::from_array(inside)
         };
         let colors: Vec<Vec4> = vertices.iter().map(read).collect();
@@ -273,12 +364,9 @@ impl<'d> Reader<'d> {
         Ok(colors.iter().any(|color| *color != Vec4::ONE).then_some(colors))
     }
 
-    fn warn_ignored(&self, primitive: &Primitive) {
-        if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
-            self.document.warn(self.pointer, "morph targets are not supported; the mesh is shown unmorphed");
-        }
+    fn warn_ignored(&self) {
         if let Some(extensions) = self.document.value(&self.at("extensions")).and_then(|value| value.as_object()) {
-            for name in extensions.keys() {
+            for name in extensions.keys().filter(|name| !ext::is_known(name)) {
                 self.document.warn(self.pointer, format!("{name} is not supported and ignored"));
             }
         }

@@ -1,82 +1,140 @@
 //! glTF 2.0 files (`.gltf`, `.glb`) to [`Scene`].
 //!
-//! The order is: document, node tree, materials, the meshes that the chosen scene shows, textures, then the placements relative
-//! to [`Scene::origin`]. A broken or hostile file gives [`Error::InvalidScene`](crate::Error::InvalidScene) with the JSON pointer of what is wrong; what is merely not
-//! simulated becomes a warning. Memory is bounded by what the file holds, not by the numbers in it.
-//! Animations are read for a shutter alone ([`LoadOptions::shutter`]). Limits: no skins, morph targets, compression extensions.
+//! The order is: document, node tree, materials, the meshes that the chosen scene shows, textures, then the placements
+//! relative to [`Scene::origin`]. A broken or hostile file gives [`Error::InvalidScene`](crate::Error::InvalidScene)
+//! with the JSON pointer of what is wrong; what is merely not simulated becomes a warning. Memory is bounded by what
+//! the file holds, not by the numbers in it. Animations are read for a shutter alone ([`LoadOptions::shutter`]).
+//! Limit: skins and morph targets are posed once.
 
 mod accessor;
 mod animation;
 mod camera;
+mod choice;
 mod document;
+mod ext;
 mod image;
 mod json;
-mod light;
 mod material;
 mod mesh;
+mod meshes;
+#[cfg(feature = "meshopt")]
+mod meshopt;
+mod morph;
 mod moving;
 mod node;
+mod part;
 mod placement;
+mod pose;
+mod references;
+mod skin;
 mod tangent;
 mod topology;
 mod uri;
 mod uv;
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
 use self::animation::Animations;
 use self::document::Document;
+use self::ext::{khr_animation_pointer, khr_lights_punctual, khr_materials_variants};
 use self::material::MaterialTable;
-use self::node::{Placed, Timeline};
-use super::motion::{Motion, Track};
-use super::{Dropped, LoadOptions, Mesh, MeshId, Scene, geometry};
+use self::node::Timeline;
+use super::motion::{Motion, Track, Unmoved};
+use super::{Dropped, LoadOptions, Scene, geometry};
 use crate::error::Result;
 
 impl Scene {
-    /// Loads a `.gltf` or `.glb` file with its buffers and images.
+    /// Loads a `.gltf` or `.glb` file with its buffers and images. A scene without any light is lit by a constant
+    /// white environment, with a warning.
+    ///
+    /// # Errors
+    /// [`Error::Io`](crate::Error::Io), [`Error::InvalidScene`](crate::Error::InvalidScene),
+    /// [`Error::UnsupportedExtension`](crate::Error::UnsupportedExtension) and [`Error::Image`](crate::Error::Image),
+    /// each with the file and the JSON pointer of what is wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         Scene::load_with(path, &LoadOptions::default())
     }
 
     /// As [`load`](Self::load), under other options.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load); those of the environment name its file.
     pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
-        let document = Document::read(path.as_ref())?;
+        Scene::read(Document::read(path.as_ref(), options.allow_outside)?, path.as_ref(), options, None)
+    }
+
+    /// The same file at another time: as [`load_with`](Self::load_with), where `earlier` was loaded from `path` under
+    /// options that differ in the shutter alone. Materials, textures and environment are not read again but shared.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_again(path: impl AsRef<Path>, options: &LoadOptions, earlier: &Scene) -> Result<Scene> {
+        Scene::read(Document::read(path.as_ref(), options.allow_outside)?, path.as_ref(), options, Some(earlier))
+    }
+
+    /// As [`load_with`](Self::load_with), from the bytes of a `.glb` or `.gltf` file. `file` stands for it in messages;
+    /// buffers and images that lie outside are looked for in its folder.
+    ///
+    /// # Errors
+    /// As [`load_with`](Self::load_with).
+    pub fn from_bytes(bytes: Vec<u8>, file: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
+        Scene::read(Document::of_bytes(file.as_ref(), bytes, options.allow_outside)?, file.as_ref(), options, None)
+    }
+
+    /// Reads a scene, sharing what does not depend on the shutter with `earlier`.
+    fn read(mut document: Document, path: &Path, options: &LoadOptions, earlier: Option<&Scene>) -> Result<Scene> {
+        let animation = choice::apply(&mut document, options)?;
+        ext::check(&document, options.allow_missing_extensions)?;
+        references::check(&document)?;
+        let mut motion =
+            Motion { shutter: options.shutter, animations: animation::spans(&document)?, ..Motion::default() };
+        let mut same_materials = earlier;
+        if let Some(shutter) = options.shutter {
+            let pointed = animation::pointed(&document, animation, &moving::times_s(shutter))?;
+            // What is animated besides nodes may be materials and what is visible of them.
+            same_materials = earlier.filter(|_| pointed.is_empty());
+            motion.unmoved = khr_animation_pointer::apply(&mut document, pointed);
+        }
         let timeline = Timeline {
             animations: &match options.shutter {
-                Some(_) => Animations::read(&document)?,
+                Some(_) => Animations::read(&document, animation)?,
                 None => Animations::default(),
             },
             times_s: options.shutter.map_or(vec![0.0], moving::times_s),
         };
-        let nodes = node::flatten(&document, &timeline)?;
-        let mut materials = MaterialTable::read(&document)?;
+        let graph = node::flatten(&document, &timeline)?;
+        let nodes = &graph.placed;
+        let mut materials = MaterialTable::read(&document, &meshes::materials_in_use(&document, nodes))?;
         let mut dropped = Dropped::default();
-        let meshes = read_meshes(&document, &nodes, &mut materials, &mut dropped)?;
-        let mut motion = Motion {
-            shutter: options.shutter,
-            animations: animation::spans(&document)?,
-            unmoved: timeline.animations.unmoved.clone(),
-            ..Motion::default()
-        };
-        let ways = moving::ways(&nodes, &meshes, &mut motion);
-        let placement = placement::place(&document, &nodes, &ways, &meshes)?;
+        let meshes = meshes::read(&document, &graph, &mut materials, &mut dropped)?;
+        let ways = moving::ways(nodes, &meshes, &mut motion);
+        for node in nodes.iter().filter(|node| skin::moves(&document, node, &graph)) {
+            let what = format!("motion of the skin of node '{}'", node.name.as_ref().unwrap_or(&node.pointer));
+            motion.unmoved.push(Unmoved { what, why: "skinned meshes stand as the shutter opens".into() });
+        }
+        for node in nodes.iter().filter(|node| node.morphs && node.mesh.is_some()) {
+            let what = format!("morph targets of node '{}'", node.name.as_ref().unwrap_or(&node.pointer));
+            motion.unmoved.push(Unmoved { what, why: "morphed meshes stand as the shutter opens".into() });
+        }
+        let placement = placement::place(&document, nodes, &ways, &meshes)?;
         motion.instances = placement.tracks;
         let origin = placement.origin;
 
         let mut scene = Scene {
-            file: path.as_ref().into(),
+            file: path.into(),
             instances: placement.instances,
             origin,
             suggested_size: suggested_size(&document)?,
             dropped,
+            scenes: choice::names(&document, "/scenes")?,
+            variants: choice::names(&document, khr_materials_variants::LIST)?,
             ..Scene::default()
         };
         for (node, way) in nodes.iter().zip(&ways) {
             if let Some(index) = node.light {
-                scene.punctual.push(light::read(&document, node, index, origin)?);
+                scene.punctual.push(khr_lights_punctual::read(&document, node, index, origin)?);
             }
             if let Some(index) = node.camera {
                 motion.cameras.extend(camera_track(scene.cameras.len(), way, origin));
@@ -84,25 +142,44 @@ impl Scene {
             }
         }
         scene.motion = motion;
-        if scene.cameras.is_empty() {
-            scene.cameras.push(camera::framed(placement.least, placement.most));
-            document.warn("/cameras", "the scene has no camera; one that sees all of it is added");
-        }
         warn_of_left_out(&document, dropped, options)?;
         if materials.materials.is_empty() {
             materials.default_material();
         }
         scene.meshes = meshes.list;
-        scene.materials = materials.materials;
-        scene.textures = materials.textures.decode(&document, options)?;
-        scene.fold_constant_textures();
-        scene.weave_textures();
+        if scene.cameras.is_empty() {
+            // It stands still from frame to frame.
+            let stood = earlier.and_then(|earlier| Some((earlier.cameras.first()?, earlier.origin)));
+            scene.cameras.push(match stood {
+                Some((camera, origin)) => camera.moved((origin - scene.origin).as_vec3()),
+                None => scene.automatic_camera(),
+            });
+            document.warn("/cameras", "the scene has no camera; one that sees all of it is added");
+        }
+        if let Some(earlier) = same_materials {
+            (scene.materials, scene.textures) = (earlier.materials.clone(), earlier.textures.clone());
+        } else {
+            scene.materials = materials.materials;
+            scene.textures = materials.textures.decode(&document, options)?;
+            scene.fold_constant_textures();
+            scene.weave_textures();
+        }
         let copies = geometry::copied_lamps(&scene);
         if copies > 0 {
             document.warn("/meshes", format!("{copies} emissive triangles repeat others exactly and are left out"));
         }
         scene.warnings = document.take_warnings();
+        scene.inputs = earlier.map_or_else(|| document.inputs(), |earlier| earlier.inputs.clone());
         scene.validate()?;
+        if let (Some(earlier), true) = (earlier, options.environment.is_some()) {
+            scene.environment.clone_from(&earlier.environment);
+            return Ok(scene);
+        }
+        match &options.environment {
+            Some(file) => scene.light_by(file, options)?,
+            None if options.fallback_light => scene.ensure_light(),
+            None => {}
+        }
         Ok(scene)
     }
 }
@@ -116,47 +193,6 @@ fn camera_track(index: usize, way: &[DAffine3], origin: DVec3) -> Option<Track> 
     moves.then_some(track)
 }
 
-/// The meshes in use: one for each primitive, grouped by the glTF mesh that holds them.
-struct Meshes {
-    list: Vec<Mesh>,
-    of_gltf_mesh: HashMap<usize, Vec<MeshId>>,
-}
-
-/// Reads every mesh that a node shows, in the order of the nodes.
-fn read_meshes(
-    document: &Document,
-    nodes: &[Placed],
-    materials: &mut MaterialTable,
-    dropped: &mut Dropped,
-) -> Result<Meshes> {
-    let mut meshes = Meshes { list: Vec::new(), of_gltf_mesh: HashMap::new() };
-    for (index, node) in nodes.iter().filter_map(|node| Some((node.mesh?, node))) {
-        if meshes.of_gltf_mesh.contains_key(&index) {
-            continue;
-        }
-        let source: gltf::json::Mesh = document.element("meshes", index, &format!("{}/mesh", node.pointer))?;
-        let name = source.name.clone().unwrap_or_else(|| format!("mesh {index}"));
-        let mut ids = Vec::with_capacity(source.primitives.len());
-        for (place, primitive) in source.primitives.iter().enumerate() {
-            let pointer = format!("/meshes/{index}/primitives/{place}");
-            let place = mesh::Place { pointer: &pointer, name: format!("{name}/primitive {place}") };
-            if let Some(mesh) = mesh::read(document, primitive, place, materials, dropped)? {
-                ids.push(MeshId(meshes.list.len() as u32));
-                meshes.list.push(mesh);
-            }
-        }
-        meshes.of_gltf_mesh.insert(index, ids);
-    }
-    if meshes.list.is_empty() {
-        let problem = format!(
-            "expected at least one triangle with an area in the scene, found none ({} without)",
-            dropped.degenerate_triangles
-        );
-        return Err(document.error("/meshes", problem));
-    }
-    Ok(meshes)
-}
-
 fn warn_of_left_out(document: &Document, dropped: Dropped, options: &LoadOptions) -> Result<()> {
     if dropped.degenerate_triangles > 0 {
         document.warn("/meshes", format!("{} triangles without area are left out", dropped.degenerate_triangles));
@@ -167,7 +203,7 @@ fn warn_of_left_out(document: &Document, dropped: Dropped, options: &LoadOptions
     if options.shutter.is_none() && !document.table("animations")?.is_empty() {
         document.warn(
             "/animations",
-            "animations run with a shutter only (--shutter OPEN,CLOSE); the scene is shown at rest",
+            "animations run at a time only (--at SECONDS or --shutter OPEN,CLOSE); the scene is shown at rest",
         );
     }
     Ok(())

@@ -1,16 +1,17 @@
-//! From the poses of animated nodes to tracks: in how many parts the shutter is cut for each node, so that straight lines between
-//! poses stay close to its way, and which motions cannot be shown.
+//! From the poses of animated nodes to tracks: in how many parts the shutter is cut for each node, so that straight
+//! lines between poses stay close to its way, and which motions cannot be shown.
 //!
-//! A node is looked at [`LOOKS`] times over the shutter. Parts are doubled until the corners of what it carries are nowhere further
-//! from their way than a 1024th of its size, or there are as many as there may be. Limit: what a node does between two looks is
-//! not seen; a STEP becomes a fast motion.
+//! A node is sampled [`LOOKS`] times over the shutter. Parts are doubled until the corners of what it carries are
+//! nowhere further from their way than a 1024th of its size, or there are as many as there may be. Limit: what a node
+//! does between two looks is not seen; a STEP becomes a fast motion.
 
-use glam::{Affine3A, DAffine3, DVec3};
+use glam::{DAffine3, DVec3};
 
 use super::super::motion::{MOST_PARTS, Motion, Off, Shutter, Track, Unmoved};
 use super::json::one_line;
+use super::meshes::{Meshes, Shown};
 use super::node::Placed;
-use super::{Meshes, camera};
+use super::pose::{rigid_pose, to_f32};
 
 /// Times at which animated nodes are posed: the ends of all parts and the middles between them.
 pub(super) const LOOKS: usize = 2 * MOST_PARTS + 1;
@@ -21,7 +22,7 @@ const CLOSE_ENOUGH: f64 = 1.0 / 1024.0;
 /// What is taken for rounding, in the same measure.
 const ROUNDING: f64 = 1e-6;
 
-/// Times at which the shutter is looked at, seconds: one where it closes as it opens.
+/// Times at which nodes are sampled, seconds: one where it closes as it opens.
 pub(super) fn times_s(shutter: Shutter) -> Vec<f64> {
     if shutter.is_instant() {
         return vec![shutter.open_s()];
@@ -36,13 +37,17 @@ pub(super) fn times_s(shutter: Shutter) -> Vec<f64> {
 /// Poses of a node at the ends of the parts that were chosen for it, in f64.
 pub(super) type Way = Vec<DAffine3>;
 
-/// The ways of all nodes, empty for those that do not move, that cannot be shown moving, and whose motion nobody sees. What is left
-/// out, and how far the worst way is from straight, is noted in `motion`.
+/// The paths of all nodes, empty for those that do not move, that cannot be shown moving, and whose motion nobody sees.
+/// What is left out, and how far the worst path is from straight, is noted in `motion`.
 pub(super) fn ways(nodes: &[Placed], meshes: &Meshes, motion: &mut Motion) -> Vec<Way> {
-    nodes.iter().map(|node| way(node, meshes, motion).unwrap_or_default()).collect()
+    nodes
+        .iter()
+        .enumerate()
+        .map(|(place, node)| way(node, meshes.of(place), meshes, motion).unwrap_or_default())
+        .collect()
 }
 
-fn way(node: &Placed, meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
+fn way(node: &Placed, shown: &[Shown], meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
     let poses = node.poses.as_deref()?;
     let still = poses.iter().all(|pose| *pose == poses[0]);
     if still {
@@ -56,10 +61,10 @@ fn way(node: &Placed, meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
             "punctual lights stay where they are when the shutter opens",
         );
     }
-    let corners = corners(node, meshes)?;
+    let corners = corners(node, if node.skin.is_none() { shown } else { &[] }, meshes)?;
     // A camera that carries nothing else moves without the scale of its node.
     let rigid: Option<Vec<DAffine3>> = (node.camera.is_some() && node.mesh.is_none())
-        .then(|| poses.iter().map(|pose| camera::rigid_pose(pose).unwrap_or(*pose)).collect());
+        .then(|| poses.iter().map(|pose| rigid_pose(pose).unwrap_or(*pose)).collect());
     let poses = rigid.as_deref().unwrap_or(poses);
     let size = size(&corners, poses);
     let mut parts = 1;
@@ -82,11 +87,10 @@ fn way(node: &Placed, meshes: &Meshes, motion: &mut Motion) -> Option<Way> {
     Some(way)
 }
 
-/// Corners of what a node carries, in its space; of a camera the corners of a cube of 2 m, whatever the scene's size (so its eye is
-/// within 4 mm of its way). `None` where there is nothing to see.
-fn corners(node: &Placed, meshes: &Meshes) -> Option<Vec<DVec3>> {
-    let ids = node.mesh.and_then(|mesh| meshes.of_gltf_mesh.get(&mesh)).map_or(&[][..], Vec::as_slice);
-    let positions = ids.iter().flat_map(|id| &meshes.list[id.index()].positions);
+/// Corners of what a node carries, in its space; of a camera the corners of a cube of 2 m, whatever the scene's size
+/// (so its eye is within 4 mm of its way). `None` where there is nothing to see.
+fn corners(node: &Placed, shown: &[Shown], meshes: &Meshes) -> Option<Vec<DVec3>> {
+    let positions = shown.iter().flat_map(|part| &meshes.list[part.mesh.index()].positions);
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (mut least, mut most) =
         positions.map(|p| p.as_dvec3()).fold(empty, |(least, most), p| (least.min(p), most.max(p)));
@@ -124,9 +128,4 @@ fn deviation(poses: &[DAffine3], parts: usize, corners: &[DVec3]) -> f64 {
         }
     }
     most
-}
-
-/// A pose as scenes hold it.
-pub(super) fn to_f32(world: &DAffine3) -> Affine3A {
-    Affine3A { matrix3: world.matrix3.as_mat3().into(), translation: world.translation.as_vec3a() }
 }

@@ -1,10 +1,11 @@
 //! The node tree, flattened to one level: world transforms in f64, and what hangs on each node.
 //!
-//! Source: glTF 2.0 §3.5.3. Transforms are read from the JSON text as f64, not through the crate's f32, so that scenes far from
-//! the origin keep their precision. The walk keeps its own stack: depth is bounded by the number of nodes only.
-//! A node reached twice (a cycle, or two parents) is an error. Nodes that an animation drives, and those below them, are posed at
-//! every time of the timeline; all others once.
+//! Source: glTF 2.0 §3.5.3. Transforms are read from the JSON text as f64, not through the crate's f32, so that scenes
+//! far from the origin keep their precision. The walk keeps its own stack: depth is bounded by the number of nodes
+//! only. A node reached twice (a cycle, or two parents) is an error. Nodes that an animation drives, and those below
+//! them, are posed at every time of the timeline; all others once.
 
+use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
@@ -12,7 +13,9 @@ use serde_json::Value;
 
 use super::animation::{Animations, Trs};
 use super::document::Document;
+use super::ext::{ext_mesh_gpu_instancing, khr_node_visibility};
 use super::json::brief;
+use super::morph;
 use crate::error::Result;
 
 /// A node that carries something.
@@ -22,14 +25,21 @@ pub(super) struct Placed {
     pub(super) pointer: String,
     pub(super) name: Option<String>,
     pub(super) world_from_node: DAffine3,
-    /// The same at each time of the timeline, if an animation drives the node or one above it and there is more than one time.
+    /// The same at each time of the timeline, if an animation drives the node or one above it and there is more than
+    /// one time.
     pub(super) poses: Option<Rc<[DAffine3]>>,
     pub(super) mesh: Option<usize>,
+    /// Of the mesh, whose node's transform then does not count.
+    pub(super) skin: Option<usize>,
     pub(super) camera: Option<usize>,
     pub(super) light: Option<usize>,
+    /// Morph weights when the shutter opens, in the place of the mesh's.
+    pub(super) weights: Option<Rc<[f64]>>,
+    /// Whether those change while it is open.
+    pub(super) morphs: bool,
 }
 
-/// What drives nodes, and when they are looked at.
+/// What drives nodes, and when they are sampled.
 pub(super) struct Timeline<'a> {
     pub(super) animations: &'a Animations<'a>,
     /// Seconds; at least one. Where nodes stand by default is where they are at the first.
@@ -40,16 +50,28 @@ pub(super) struct Timeline<'a> {
 struct Parent {
     world_from_node: DAffine3,
     poses: Option<Rc<[DAffine3]>>,
+    is_visible: bool,
 }
 
-/// The chosen scene's nodes that carry something, parents before children, in file order.
-pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Vec<Placed>> {
+/// The chosen scene's nodes.
+pub(super) struct Nodes {
+    /// Those that carry something, parents before children, in file order.
+    pub(super) placed: Vec<Placed>,
+    /// Node to world of all, by index, for files with skins; empty for others.
+    pub(super) worlds: HashMap<usize, DAffine3>,
+    /// Whether some node moves while the shutter is open, by index.
+    pub(super) moving: HashSet<usize>,
+}
+
+/// Walks the chosen scene.
+pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes> {
     let nodes = document.table("nodes")?;
     let mut reached = vec![false; nodes.len()];
-    let mut placed = Vec::new();
+    let (mut placed, mut worlds, mut moving) = (Vec::new(), HashMap::new(), HashSet::new());
+    let skinned = !document.table("skins")?.is_empty();
     // Pending nodes with their parent and the pointer that refers to them; the last is visited next.
     let mut pending: Vec<(usize, Rc<Parent>, String)> = Vec::new();
-    let world = Rc::new(Parent { world_from_node: DAffine3::IDENTITY, poses: None });
+    let world = Rc::new(Parent { world_from_node: DAffine3::IDENTITY, poses: None, is_visible: true });
     for (root, from) in roots(document)?.into_iter().rev() {
         pending.push((root, world.clone(), from));
     }
@@ -77,27 +99,72 @@ pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Vec<Pl
         if !world_from_node.is_finite() || poses.iter().flat_map(|poses| poses.iter()).any(|pose| !pose.is_finite()) {
             return Err(document.error(pointer, "expected a finite world transform, found one that overflows"));
         }
-        let node_itself = Rc::new(Parent { world_from_node, poses: poses.clone() });
+        let is_visible = parent.is_visible && khr_node_visibility::is_visible(document, &pointer)?;
+        let node_itself = Rc::new(Parent { world_from_node, poses: poses.clone(), is_visible });
         for (place, child) in reader.array("children")?.iter().enumerate().rev() {
             let from = format!("{pointer}/children/{place}");
-            pending.push((index_value(document, child, &from)?, node_itself.clone(), from));
+            pending.push((document.index(child, &from)?, node_itself.clone(), from));
         }
-        let mesh = reader.index("/mesh")?;
+        if skinned {
+            worlds.insert(index, world_from_node);
+            if poses.is_some() {
+                moving.insert(index);
+            }
+        }
+        let mesh = reader.index("/mesh")?.filter(|_| is_visible);
+        let skin = if mesh.is_some() { reader.index("/skin")? } else { None };
         let camera = reader.index("/camera")?;
-        let light = reader.index("/extensions/KHR_lights_punctual/light")?;
+        let light = reader.index("/extensions/KHR_lights_punctual/light")?.filter(|_| is_visible);
         if mesh.is_some() || camera.is_some() || light.is_some() {
-            reader.warn_ignored();
+            let (weights, morphs) = timeline.weights(document, index)?;
             let name = node.get("name").and_then(Value::as_str).map(str::to_owned);
-            placed.push(Placed { pointer, name, world_from_node, poses, mesh, camera, light });
+            let node = Placed { pointer, name, world_from_node, poses, mesh, skin, camera, light, weights, morphs };
+            // A skinned mesh stands where its joints are, however often it is placed.
+            let instances = if mesh.is_some() && skin.is_none() {
+                ext_mesh_gpu_instancing::placements(document, &node.pointer)?
+            } else {
+                None
+            };
+            match instances {
+                None => placed.push(node),
+                Some(instances) => {
+                    placed.extend(instances.iter().map(|instance| node.instance(instance)));
+                    placed.push(Placed { mesh: None, ..node });
+                }
+            }
         }
     }
-    Ok(placed)
+    Ok(Nodes { placed, worlds, moving })
 }
 
-/// What a node states of its own transform.
+/// A node's transform as the file states it.
 enum Local {
     Matrix(DAffine3),
     Parts(Trs),
+}
+
+impl Placed {
+    /// One instance of its mesh.
+    fn instance(&self, node_from_instance: &DAffine3) -> Placed {
+        let at = |world_from_node: &DAffine3| *world_from_node * *node_from_instance;
+        Placed {
+            pointer: self.pointer.clone(),
+            name: self.name.clone(),
+            world_from_node: at(&self.world_from_node),
+            poses: self.poses.as_ref().map(|poses| poses.iter().map(at).collect()),
+            mesh: self.mesh,
+            skin: None,
+            camera: None,
+            light: None,
+            weights: self.weights.clone(),
+            morphs: false,
+        }
+    }
+
+    /// Where its mesh stands.
+    pub(super) fn world_from_mesh(&self) -> DAffine3 {
+        if self.skin.is_some() { DAffine3::IDENTITY } else { self.world_from_node }
+    }
 }
 
 impl Timeline<'_> {
@@ -114,13 +181,28 @@ impl Timeline<'_> {
         };
         Ok(DAffine3::from_scale_rotation_translation(parts.scale, parts.rotation, parts.translation))
     }
+
+    /// The morph weights of a node at the first time, and whether they change later.
+    fn weights(&self, document: &Document, node: usize) -> Result<(Option<Rc<[f64]>>, bool)> {
+        let at = |&time_s: &f64| self.animations.weights(document, node, time_s);
+        if !self.animations.drives_weights(node) {
+            let own = morph::numbers(document, &format!("/nodes/{node}/weights"))?;
+            return Ok((own.map(Rc::from), false));
+        }
+        let first = at(&self.times_s[0])?;
+        let mut morphs = false;
+        for time_s in &self.times_s[1..] {
+            morphs = morphs || at(time_s)? != first;
+        }
+        Ok((first.map(Rc::from), morphs))
+    }
 }
 
 /// Pointer of the chosen scene (glTF 2.0 §3.5.1: the default one, else the first), if the file has scenes.
 pub(super) fn chosen_scene(document: &Document) -> Result<Option<String>> {
     let scenes = document.table("scenes")?.len();
     let chosen = match document.value("/scene") {
-        Some(value) => index_value(document, value, "/scene")?,
+        Some(value) => document.index(value, "/scene")?,
         None if scenes == 0 => return Ok(None),
         None => 0,
     };
@@ -138,7 +220,7 @@ fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
         return listed
             .map(|(place, root)| {
                 let from = format!("{pointer}/{place}");
-                Ok((index_value(document, root, &from)?, from))
+                Ok((document.index(root, &from)?, from))
             })
             .collect();
     }
@@ -153,11 +235,6 @@ fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
         return Err(document.error("/nodes", "expected a node without a parent, found none: the nodes form a cycle"));
     }
     Ok((0..nodes.len()).filter(|&node| !is_child[node]).map(|node| (node, format!("/nodes/{node}"))).collect())
-}
-
-pub(super) fn index_value(document: &Document, value: &Value, pointer: &str) -> Result<usize> {
-    let index = value.as_u64().and_then(|index| usize::try_from(index).ok());
-    index.ok_or_else(|| document.error(pointer, format!("expected an index, found {}", brief(value))))
 }
 
 struct Reader<'d> {
@@ -214,7 +291,7 @@ impl Reader<'_> {
 
     fn index(&self, member: &str) -> Result<Option<usize>> {
         let Some(value) = self.node.pointer(member) else { return Ok(None) };
-        index_value(self.document, value, &format!("{}{member}", self.pointer)).map(Some)
+        self.document.index(value, &format!("{}{member}", self.pointer)).map(Some)
     }
 
     fn array(&self, member: &str) -> Result<&[Value]> {
@@ -223,17 +300,6 @@ impl Reader<'_> {
             Some(Value::Array(items)) => Ok(items),
             Some(other) => {
                 Err(self.document.error(self.at(member), format!("expected an array, found {}", brief(other))))
-            }
-        }
-    }
-
-    fn warn_ignored(&self) {
-        for (member, what) in [
-            ("skin", "is skinned; the mesh is shown as modelled"),
-            ("weights", "has morph weights; the mesh is shown unmorphed"),
-        ] {
-            if self.node.get(member).is_some() {
-                self.document.warn(self.pointer, what);
             }
         }
     }

@@ -1,23 +1,25 @@
 //! Where the meshes stand: bounds and recentring in f64, then instances in f32.
 //!
-//! Far from the origin f32 has few bits left for a scene's own detail, so its centre, rounded to a lattice, is subtracted from all
-//! placements before they are rounded to f32. The step of the lattice is the power of two next above the scene's diagonal:
-//! then coordinates never exceed 1.5 diagonals; a scene whose bounds hold the origin stays where it is; and the same scene elsewhere,
-//! moved by a multiple of the step or scaled by a power of two, gives the same bits.
+//! Far from the origin f32 has few bits left for a scene's own detail, so its centre, rounded to a lattice, is
+//! subtracted from all placements before they are rounded to f32. The step of the lattice is the power of two next
+//! above the scene's diagonal: then coordinates never exceed 1.5 diagonals; a scene whose bounds hold the origin stays
+//! where it is; and the same scene elsewhere, moved by a multiple of the step or scaled by a power of two, gives the
+//! same bits.
 
 use glam::{Affine3A, DAffine3, DVec3};
 
+use super::super::Instance;
 use super::super::geometry::LARGEST_COORDINATE_M;
 use super::super::motion::Track;
-use super::super::{Instance, MeshId};
-use super::Meshes;
 use super::document::Document;
-use super::moving::{Way, to_f32};
+use super::meshes::{Meshes, Shown};
+use super::moving::Way;
 use super::node::Placed;
+use super::pose::to_f32;
 use crate::error::Result;
 
-/// Diagonals between the origin and the centre above which it is said that the scene is moved: what the file itself holds in
-/// f32 has then lost more than four bits.
+/// Diagonals between the origin and the centre above which it is said that the scene is moved: what the file itself
+/// holds in f32 has then lost more than four bits.
 const FAR_IN_DIAGONALS: f64 = 16.0;
 
 /// All placements of the scene.
@@ -26,27 +28,24 @@ pub(super) struct Placement {
     /// Of the instances that move.
     pub(super) tracks: Vec<Track>,
     pub(super) origin: DVec3,
-    /// World bounds, relative to `origin`.
-    pub(super) least: DVec3,
-    pub(super) most: DVec3,
 }
 
 /// Places the meshes of every node; `ways` has the poses of those that move, and may be shorter.
 pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes: &Meshes) -> Result<Placement> {
     let bounds: Vec<(DVec3, DVec3)> = meshes.list.iter().map(|mesh| object_bounds(&mesh.positions)).collect();
     let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut placed: Vec<(MeshId, DAffine3)> = Vec::new();
+    let mut placed: Vec<(Shown, DAffine3)> = Vec::new();
     let mut moving: Vec<(usize, &Way)> = Vec::new();
     let mut collapsed = 0;
     for (place, node) in nodes.iter().enumerate() {
-        let way = ways.get(place).filter(|way| !way.is_empty());
-        let ids = node.mesh.and_then(|mesh| meshes.of_gltf_mesh.get(&mesh)).map_or(&[][..], Vec::as_slice);
-        if ids.is_empty() {
+        let way = ways.get(place).filter(|way| !way.is_empty() && node.skin.is_none());
+        let (shown, world_from_mesh) = (meshes.of(place), node.world_from_mesh());
+        if shown.is_empty() {
             continue;
         }
         // Every instance has the poses of its node.
-        document.charge(ids.len() * (1 + way.map_or(0, Vec::len)), &node.pointer)?;
-        let linear = node.world_from_node.matrix3.as_mat3();
+        document.charge(shown.len() * (1 + way.map_or(0, Vec::len)), &node.pointer)?;
+        let linear = world_from_mesh.matrix3.as_mat3();
         if !linear.is_finite() {
             return Err(
                 document.error(&node.pointer, "expected a scale that 32-bit floats can hold, found a larger one")
@@ -57,11 +56,11 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
             collapsed += 1;
             continue;
         }
-        for &id in ids {
-            let (low, high) = bounds[id.index()];
+        for &part in shown {
+            let (low, high) = bounds[part.mesh.index()];
             for corner in 0..8 {
                 let choose = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-                for pose in way.map_or(std::slice::from_ref(&node.world_from_node), Vec::as_slice) {
+                for pose in way.map_or(std::slice::from_ref(&world_from_mesh), Vec::as_slice) {
                     let point = pose.transform_point3(DVec3::new(choose(0), choose(1), choose(2)));
                     // Also true of NaN, which overflow may leave.
                     if !point.abs().cmple(DVec3::splat(f64::from(LARGEST_COORDINATE_M))).all() {
@@ -74,7 +73,7 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
                 }
             }
             moving.extend(way.map(|way| (placed.len(), way)));
-            placed.push((id, node.world_from_node));
+            placed.push((part, world_from_mesh));
         }
     }
     if collapsed > 0 {
@@ -100,18 +99,17 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
     Ok(Placement {
         tracks: moving.into_iter().filter_map(track).collect(),
         instances: (placed.iter())
-            .map(|(mesh, world)| Instance { mesh: *mesh, world_from_object: relative(world) })
+            .map(|(part, world)| Instance { material: part.material, ..Instance::new(part.mesh, relative(world)) })
             .collect(),
         origin,
-        least: least - origin,
-        most: most - origin,
     })
 }
 
 /// The point nearest to `centre` whose coordinates are multiples of the power of two next above `diagonal`.
 fn lattice_point(centre: DVec3, diagonal: f64) -> DVec3 {
     let step = diagonal.log2().ceil().exp2();
-    // Also false of a diagonal of 0. Halves go to even, so that a scene standing on the origin stays; the sum makes −0 a 0.
+    // Also false of a diagonal of 0. Halves go to even, so that a scene standing on the origin stays; the sum makes
+    // −0 a 0.
     if step > 0.0 && step.is_finite() {
         (centre / step).map(f64::round_ties_even) * step + DVec3::ZERO
     } else {

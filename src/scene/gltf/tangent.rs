@@ -1,27 +1,25 @@
 //! Tangents for normal maps whose file has none, by MikkTSpace (glTF 2.0 §3.7.2.1 asks for it).
 //!
-//! The crate computes one tangent for each corner; corners of one vertex that disagree become vertices of their own. What would
-//! make its translated C code overrun (recursion, quadratic merging, overflow) is ruled out before it is called.
+//! The crate computes one tangent for each corner; corners of one vertex that disagree are split into separate
+//! vertices. Its two corrections of the C original are on: sorting of edges and merging of vertices by the standard
+//! library, in n log n and without recursion. Grouping still recurses around a point, which is bounded before it is
+//! called.
 
 use std::collections::HashMap;
 
+use bevy_mikktspace::TangentSpace;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::super::Mesh;
 
 /// MikkTSpace recurses, and compares pairwise, over the corners at one position: this many cost about 1 MB of stack.
 const MOST_CORNERS_AT_A_POINT: usize = 4096;
-/// Its corner numbers are 32-bit with two bits for the corner, signed.
-const MOST_TRIANGLES: usize = 1 << 29;
 
-/// Gives `mesh` tangents along a channel of its texture coordinates, and flat normals if it has none. The error is a clause
-/// that says why it cannot have them.
+/// Gives `mesh` tangents along a channel of its texture coordinates, and flat normals if it has none. The error is a
+/// clause that says why it cannot have them.
 pub(super) fn generate(mesh: &mut Mesh, channel: u32) -> Result<(), &'static str> {
     let uvs = if channel == 0 { mesh.uvs.as_ref() } else { mesh.more_uvs.get(channel as usize - 1) };
     let Some(uvs) = uvs else { return Err("has no texture coordinates") };
-    if mesh.triangles.len() > MOST_TRIANGLES {
-        return Err("has too many triangles for MikkTSpace");
-    }
     let mut corners_at: HashMap<[u32; 3], usize> = HashMap::new();
     for &corner in mesh.triangles.as_flattened() {
         // −0 and 0 are one place.
@@ -36,7 +34,7 @@ pub(super) fn generate(mesh: &mut Mesh, channel: u32) -> Result<(), &'static str
     let scale = (-f64::from(extent).log2().ceil()).exp2();
     let flat: Vec<Vec3> = mesh.triangles.iter().map(|triangle| flat_normal(mesh, triangle)).collect();
     let mut corners = Corners { mesh, uvs, flat: &flat, scale, tangents: vec![Vec4::ZERO; 3 * mesh.triangles.len()] };
-    if !mikktspace::generate_tangents(&mut corners) {
+    if bevy_mikktspace::generate_tangents(&mut corners).is_err() {
         return Err("has no geometry that MikkTSpace accepts");
     }
     let tangents = corners.tangents;
@@ -108,7 +106,7 @@ impl Corners<'_> {
     }
 }
 
-impl mikktspace::Geometry for Corners<'_> {
+impl bevy_mikktspace::Geometry for Corners<'_> {
     fn num_faces(&self) -> usize {
         self.mesh.triangles.len()
     }
@@ -118,22 +116,26 @@ impl mikktspace::Geometry for Corners<'_> {
     }
 
     fn position(&self, face: usize, corner: usize) -> [f32; 3] {
-        (self.mesh.positions[self.vertex(face, corner)].as_dvec3() * self.scale).as_vec3().to_array()
+        // Corners are merged by their bits: −0 becomes 0.
+        let position = (self.mesh.positions[self.vertex(face, corner)].as_dvec3() * self.scale).as_vec3();
+        (position + Vec3::ZERO).to_array()
     }
 
     fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
         let flat = self.flat[face];
-        self.mesh.normals.as_ref().map_or(flat, |normals| normals[self.vertex(face, corner)]).to_array()
+        let normal = self.mesh.normals.as_ref().map_or(flat, |normals| normals[self.vertex(face, corner)]);
+        (normal + Vec3::ZERO).to_array()
     }
 
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
-        // glTF's v runs down the image and its bitangent up (green is +Y): without the flip every sign would be the other.
+        // glTF's v runs down the image and its bitangent up (green is +Y): without the flip every sign would be the
+        // other.
         let uv = self.uvs[self.vertex(face, corner)];
-        [uv.x, -uv.y]
+        [uv.x + 0.0, 0.0 - uv.y]
     }
 
-    fn set_tangent_encoded(&mut self, tangent: [f32; 4], face: usize, corner: usize) {
-        self.tangents[3 * face + corner] = Vec4::from_array(tangent);
+    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
+        self.tangents[3 * face + corner] = tangent.map_or(Vec4::ZERO, |tangent| tangent.tangent_encoded().into());
     }
 }
 

@@ -21,7 +21,8 @@ pub(super) struct Topology {
     pub(super) points_and_lines: usize,
 }
 
-/// Reads the topology of a primitive with `vertex_count` vertices. Memory is bounded by the indices that the file holds.
+/// Reads the topology of a primitive with `vertex_count` vertices. Memory is bounded by the indices that the file
+/// holds.
 pub(super) fn read(
     document: &Document,
     mode: Mode,
@@ -73,8 +74,9 @@ pub(super) fn read(
     Ok(Topology { triangles, vertices, points_and_lines })
 }
 
-/// Renumbers corners to the vertices in use, keeping their order, and returns those. Many primitives may share one large
-/// accessor, and a sparse accessor may claim more vertices than memory holds: neither costs more than the corners.
+/// Renumbers corners to the vertices in use, keeping their order, and returns those. Many primitives may share one
+/// large accessor, and a sparse accessor may claim more vertices than memory holds: neither costs more than the
+/// corners.
 pub(super) fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
     let mut used: Vec<u32> = triangles.as_flattened().to_vec();
     used.sort_unstable();

@@ -1,53 +1,21 @@
 //! Channels of texture coordinates: which of the file's sets a texture reads, and how it transforms them.
 //!
-//! Source: glTF 2.0 §3.9.2 (`texCoord`) and KHR_texture_transform: uv' = offset + R·(scale·uv), R the rotation by which the uvs
-//! turn counter-clockwise on the image (v runs down): what the extension's text and its example of a quadrant say, and what
-//! three.js and the Khronos viewer do; the sample code in its README turns the other way. The map is affine, so it is applied
-//! to the vertices once, in f64, and interpolation between them stays what it was: transforms cost nothing later.
+//! Source: glTF 2.0 §3.9.2 (`texCoord`) and KHR_texture_transform (`ext`). The map is affine, so it is applied to the
+//! vertices once, in f64, and interpolation between them stays what it was: transforms cost nothing later.
 
 use glam::{DMat2, DVec2, Vec2};
-
-use super::document::Document;
-use crate::error::Result;
 
 /// One channel: a set of the file and its transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct UvChannel {
     /// n of `TEXCOORD_n`.
     pub(super) set: u32,
-    linear: DMat2,
-    offset: DVec2,
+    pub(super) linear: DMat2,
+    pub(super) offset: DVec2,
 }
 
 impl UvChannel {
-    /// What the texture information at `pointer` reads; `set` is its own `texCoord`.
-    pub(super) fn read(document: &Document, set: u32, pointer: &str) -> Result<UvChannel> {
-        let at = |member: &str| format!("{pointer}/extensions/KHR_texture_transform/{member}");
-        let number = |member: &str, default: f64| match document.value(&at(member)) {
-            None => Ok(default),
-            Some(value) => value
-                .as_f64()
-                .filter(|number| (*number as f32).is_finite())
-                .ok_or_else(|| document.error(at(member), format!("expected a finite number, found {value}"))),
-        };
-        let pair = |member: &str, default: f64| -> Result<DVec2> {
-            Ok(DVec2::new(number(&format!("{member}/0"), default)?, number(&format!("{member}/1"), default)?))
-        };
-        let set = match document.value(&at("texCoord")) {
-            None => set,
-            Some(value) => value.as_u64().and_then(|set| u32::try_from(set).ok()).ok_or_else(|| {
-                document.error(at("texCoord"), format!("expected the number of a set, found {value}"))
-            })?,
-        };
-        let rotation = DMat2::from_angle(-number("rotation", 0.0)?);
-        Ok(UvChannel {
-            set,
-            linear: rotation * DMat2::from_diagonal(pair("scale", 1.0)?),
-            offset: pair("offset", 0.0)?,
-        })
-    }
-
-    /// The set as it stands in the file.
+    /// The set as in the file.
     pub(super) const fn plain(set: u32) -> UvChannel {
         UvChannel { set, linear: DMat2::IDENTITY, offset: DVec2::ZERO }
     }

@@ -1,15 +1,15 @@
-//! Meshes placed with a transform of their own: at rest, or moving while the shutter is open. Both are of the flattened geometry, for
-//! tracing and shading alike; a scene at rest has none of the second kind, and pays one comparison for each instance that is
-//! looked up.
+//! Placed meshes: at rest, or moving while the shutter is open. Both are of the flattened geometry, for tracing and
+//! shading alike; a scene at rest has none of the second kind, and pays one comparison for each instance that is looked
+//! up.
 
 use glam::{Affine3A, DAffine3, DVec3, Mat3A};
 
-use super::motion::{between, part_of};
+use crate::scene::motion::{between, part_of};
 
-/// A mesh placed with a transform of its own.
+/// A placed mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// Index into [`Geometry::meshes`](super::geometry::Geometry::meshes).
+    /// Index into [`Geometry::meshes`](super::Geometry::meshes).
     pub mesh: u32,
     /// Object to world.
     pub world_from_object: Affine3A,
@@ -17,7 +17,12 @@ pub struct Placement {
     pub object_from_world: Affine3A,
     /// Inverse transpose of the linear part: takes normals to the world (to be normalised).
     pub world_from_normal: Mat3A,
+    /// Index into `Scene::materials` of what it is made of in the place of the triangles' own, or [`NO_MATERIAL`].
+    pub material: u32,
 }
+
+/// "As the triangles say" in [`Placement::material`].
+pub const NO_MATERIAL: u32 = u32::MAX;
 
 impl Placement {
     /// Mesh `mesh` at `world_from_object`, which is invertible.
@@ -34,12 +39,12 @@ impl Placement {
             translation: column(inverse.translation),
         };
         let world_from_normal = object_from_world.matrix3.transpose();
-        Placement { mesh, world_from_object, object_from_world, world_from_normal }
+        Placement { mesh, world_from_object, object_from_world, world_from_normal, material: NO_MATERIAL }
     }
 }
 
-/// The placements that move: the last ones of [`Geometry::instances`](super::geometry::Geometry::instances), which has them as they
-/// are when the shutter opens.
+/// The placements that move: the last ones of [`Geometry::instances`](super::Geometry::instances), which has
+/// them as they are when the shutter opens.
 #[derive(Clone, Debug, Default)]
 pub struct Moving {
     /// Number of the first of them among the instances.
@@ -101,7 +106,8 @@ impl Moving {
         Some(Placement::new(mesh, between(&from.world_from_object, &to.world_from_object, fraction)))
     }
 
-    /// Elements of the poses around `time` by their larger magnitude: what the roundings of a pose between them are shares of.
+    /// Elements of the poses around `time` by their larger magnitude: what the roundings of a pose between them are
+    /// shares of.
     #[inline]
     pub fn reach(&self, instance: u32, time: f32) -> Option<Affine3A> {
         let (_, [from, to], _) = self.around(instance, time)?;
