@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Installs what building pathspace needs on Debian 12 and 13, through apt-get, and only what is missing.
-# Usage: scripts/setup.sh [nolib | lint | gates | fuzz]      nolib: without Embree and OpenImageIO (cargo's --no-default-features)
+# Usage: scripts/setup.sh [nolib | lint | gates | fuzz]
+#   nolib: without Embree and OpenImageIO (--no-default-features --features cli)
 #                                                     lint: rustfmt and clippy as well, through rustup
 #                                                     gates: valgrind as well
-#                                                     fuzz: a C++ compiler, which is all that the fuzz target needs
+#                                                     fuzz: a C++ compiler and OpenImageIO, which the targets need
 # Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
 
 set -euo pipefail
@@ -15,14 +16,14 @@ fail() { printf 'setup: FAILED: %s\n' "$*" >&2; exit 1; }
 
 installed() { [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]; }
 
-# A C compiler links every Rust program; Embree's declarations are read from its header with libclang; what stands before
-# OpenImageIO is C++.
+# A C compiler links every Rust program; Embree's declarations are read from its header with libclang; what stands
+# before OpenImageIO is C++.
 packages=(gcc libc6-dev make)
 # What measuring needs on top.
 tools=()
 case "${1:-}" in
   nolib) ;;
-  fuzz) packages+=(g++) ;;
+  fuzz) packages+=(g++ pkg-config libopenimageio-dev) ;;
   '' | lint | gates)
     [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
     packages+=(libclang-dev g++ pkg-config libopenimageio-dev)
@@ -48,7 +49,8 @@ if [ "${1:-}" = lint ] && ! { cargo fmt --version && cargo clippy --version; } >
 fi
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
-  fail "no apt-get here. Install a C++ compiler, pkg-config, libclang, OpenImageIO 2.4 or 2.5 and Embree 3.13 or 4.x by your system's means (or set EMBREE_DIR), then: cargo build --release"
+  fail "no apt-get here. Install a C++ compiler, pkg-config, libclang, OpenImageIO 2.4 or 2.5 and Embree 3.13 or 4.x" \
+    "by your system's means (or set EMBREE_DIR), then: cargo build --release"
 fi
 missing=()
 for package in "${packages[@]}" "${tools[@]}"; do

@@ -1,5 +1,5 @@
-//! Bytes as a scene file: whatever they are, loading ends with a scene or an error, without a panic, and what loads can be made
-//! ready for tracing. The loader reads files, so the bytes are written to one first.
+//! Bytes as a scene file: whatever they are, loading ends with a scene or an error, without a panic, and what loads can
+//! be made ready for tracing. The loader reads files, so the bytes are written to one first.
 
 #![no_main]
 
@@ -22,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     overwrite(file, bytes).expect("the folder of temporary files can be written");
     // With a shutter, so that animations are read.
     let shutter = Some(Shutter::new(0.25, 0.75).expect("a shutter"));
-    match Scene::load_with(file, &LoadOptions { shutter, ..LoadOptions::default() }) {
+    match Scene::load_with(file, &LoadOptions::default().shutter(shutter)) {
         Ok(scene) => {
             scene.validate().expect("a scene that loads keeps its promises");
             if scene.triangle_count() <= MOST_TRIANGLES {
@@ -41,8 +41,8 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// Writes the file anew. It is cut to its length last: a file that is emptied first is flushed to disk by ext4 as it is closed,
-/// which makes a tenth of the rate.
+/// Writes the file anew. It is cut to its length last: a file that is emptied first is flushed to disk by ext4 as it is
+/// closed, which makes a tenth of the rate.
 fn overwrite(file: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut open = OpenOptions::new().write(true).create(true).truncate(false).open(file)?;
     open.write_all(bytes)?;

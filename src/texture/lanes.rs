@@ -1,12 +1,17 @@
-//! Look-ups of many points at once, in columns: first where every texel lies, then all texels, then arithmetic. The loads of
-//! one point depend on nothing that another point reads, so the waits for memory overlap; most of a look-up is such a wait.
+//! Look-ups of many points at once, in columns: first where every texel lies, then all texels, then arithmetic. The
+//! loads of one point depend on nothing that another point reads, so the waits for memory overlap; most of a look-up is
+//! such a wait.
 //!
 //! Images of 8 bits in memory are read here, with the numbers of [`lookup`]; points in other ones are looked up by it.
 
 use glam::Vec2;
 
+use super::color::{ColorSpace, SRGB_TO_LINEAR};
+use super::lookup::lookup;
+use super::plane::Plane;
 use super::stats::count_lookups;
-use super::{ColorSpace, Pair, Plane, SRGB_TO_LINEAR, Texels, Texture, Wrap, lookup};
+use super::taps::{Pair, Wrap};
+use super::texels::{Texels, Texture};
 
 /// What lanes without an image read.
 const NOTHING: &[[u8; 4]] = &[[0; 4]];
@@ -24,7 +29,8 @@ struct Planes<'a, const N: usize> {
     bilinear: [u32; N],
 }
 
-/// R, G and B of [`lookup`] for each lane that has a texture; any value in the others. `color_space` is that of most of the textures.
+/// R, G and B of [`lookup`] for each lane that has a texture; any value in the others. `color_space` is that of most of
+/// the textures.
 #[inline(always)]
 pub fn lookup_lanes<const N: usize>(
     textures: &[Option<&Texture>; N],
@@ -144,8 +150,8 @@ mod tests {
         Texture { name: String::new(), width, height, texels, color_space, wrap_u, wrap_v, bilinear: true }
     }
 
-    /// Oracle: one look-up after the other, every bit, over sizes, wraps, filters, kinds of texels, and coordinates at and beyond
-    /// the edges, of any size or none. Deterministic.
+    /// Oracle: one look-up after the other, every bit, over sizes, wraps, filters, kinds of texels, and coordinates at
+    /// and beyond the edges, of any size or none. Deterministic.
     #[test]
     fn lanes_are_look_ups() {
         let wraps = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];

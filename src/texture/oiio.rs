@@ -1,14 +1,14 @@
-//! The safe side of OpenImageIO: readers of image files, a writer of tiled ones, and a tile cache with a memory limit.
-//! Messages are the library's own, on one line.
+//! The safe side of OpenImageIO: readers of image files. Messages are the library's own, on one line.
 
 use std::ffi::{CStr, CString, c_char, c_int};
+use std::ops::Range;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::ptr::{self, NonNull};
 
 use pathspace_oiio_sys as sys;
 
-use super::Rows;
+use super::plane::Rows;
 
 /// Bytes of the longest message.
 const MESSAGE: usize = 1024;
@@ -31,8 +31,10 @@ pub struct Info {
     pub eight_bits: bool,
     /// Integers, so that colours are encoded by the sRGB curve.
     pub integers: bool,
-    /// Rows of a tile; `None` where the file is stored by scan lines.
-    pub tile_rows: Option<u32>,
+    /// Channels in the file.
+    pub channels: u32,
+    /// Columns and rows of a tile, of every level; `None` where the file is stored by scan lines.
+    pub tile: Option<(u32, u32)>,
     /// Columns and rows of each level, the image first.
     pub levels: Vec<(usize, usize)>,
 }
@@ -47,6 +49,14 @@ pub fn version() -> Result<Version, String> {
     // SAFETY: both buffers are as long as said; the function writes strings that end in 0 into them.
     unsafe { (api.version)(number.as_mut_ptr(), number.len(), file.as_mut_ptr(), file.len()) };
     Ok(Version { number: text(&number), file: text(&file) })
+}
+
+/// Loads the library, if that has not been done.
+///
+/// # Errors
+/// As [`version`].
+pub(super) fn ready() -> Result<(), String> {
+    sys::api().map(|_| ())
 }
 
 /// An open image. `'b` is the life of the bytes it may read from.
@@ -66,8 +76,8 @@ impl<'b> Reader<'b> {
         let mut raw = ptr::null_mut();
         let mut info = EMPTY;
         call(|message, size_of_message| {
-            // SAFETY: the strings end in 0 and live through the call; the bytes live as long as the reader, by its lifetime;
-            // the other pointers are to variables of this frame.
+            // SAFETY: the strings end in 0 and live through the call; the bytes live as long as the reader, by its
+            // lifetime; the other pointers are to variables of this frame.
             unsafe {
                 (api.open)(path.as_ptr(), format.as_ptr(), data, size, &mut raw, &mut info, message, size_of_message)
             }
@@ -82,151 +92,51 @@ impl<'b> Reader<'b> {
     }
 
     /// Rows of a level. In a tiled file `rows` begins at a multiple of the tile's rows and ends at one or at the end.
-    pub fn read(&mut self, level: usize, rows: std::ops::Range<usize>) -> Result<Rows, String> {
+    pub(super) fn read(&mut self, level: usize, rows: Range<usize>) -> Result<Rows, String> {
+        let (width, _) = *self.info.levels.get(level).ok_or("no such level")?;
+        let mut texels = if self.info.eight_bits { Rows::Eight(Vec::new()) } else { Rows::Float(Vec::new()) };
+        let count = width.checked_mul(rows.len()).ok_or("more texels than there are numbers")?;
+        texels.try_reserve(count).map_err(|()| format!("no memory for {count} texels"))?;
+        texels.resize(count);
+        self.read_into(level, 0..width, rows, &mut texels)?;
+        Ok(texels)
+    }
+
+    /// An area of a level, which fills `texels`. In a tiled file it begins and ends at edges of tiles or of the level;
+    /// in any other, columns are all.
+    pub(super) fn read_into(
+        &mut self,
+        level: usize,
+        columns: Range<usize>,
+        rows: Range<usize>,
+        texels: &mut Rows,
+    ) -> Result<(), String> {
         let (width, height) = *self.info.levels.get(level).ok_or("no such level")?;
-        if rows.start > rows.end || rows.end > height {
-            return Err(format!("expected rows of {height}, found {rows:?}"));
+        if rows.start > rows.end || rows.end > height || columns.start > columns.end || columns.end > width {
+            return Err(format!("expected texels of {width} × {height}, found {columns:?}, {rows:?}"));
         }
-        let texels = width * rows.len();
-        let (mut eight, mut float) = (Vec::new(), Vec::new());
-        let place = if self.info.eight_bits {
-            eight.resize(texels, [0u8; 4]);
-            eight.as_mut_ptr().cast()
-        } else {
-            float.resize(texels, [0f32; 4]);
-            float.as_mut_ptr().cast()
+        let count = columns.len() * rows.len();
+        let place = match texels {
+            Rows::Eight(texels) if self.info.eight_bits && texels.len() == count => texels.as_mut_ptr().cast(),
+            Rows::Float(texels) if !self.info.eight_bits && texels.len() == count => texels.as_mut_ptr().cast(),
+            _ => return Err("texels of another kind or number".into()),
         };
+        let area = [columns.start, columns.end, rows.start, rows.end].map(|edge| edge as u32);
         call(|message, size| {
-            // SAFETY: the reader is open; `place` has room for the texels of these rows, checked against the header above:
-            // the shim refuses a level whose size is not the header's.
-            unsafe {
-                (self.api.read)(
-                    self.raw.as_ptr(),
-                    level as u32,
-                    rows.start as u32,
-                    rows.end as u32,
-                    place,
-                    message,
-                    size,
-                )
-            }
-        })?;
-        Ok(if self.info.eight_bits { Rows::Eight(eight) } else { Rows::Float(float) })
+            // SAFETY: the reader is open; `place` has room for the texels of this area, of the header's kind, checked
+            // above: the shim refuses a level that is not as the header said.
+            unsafe { (self.api.read)(self.raw.as_ptr(), level as u32, area.as_ptr(), place, message, size) }
+        })
     }
 }
+
+// SAFETY: a reader of OpenImageIO belongs to no thread; `&mut self` keeps calls apart.
+unsafe impl Send for Reader<'_> {}
 
 impl Drop for Reader<'_> {
     fn drop(&mut self) {
         // SAFETY: opened in `open`, closed here alone.
         unsafe { (self.api.close)(self.raw.as_ptr()) }
-    }
-}
-
-/// Writes levels (columns, rows, texels; all of one kind) as a tiled TIFF without compression.
-pub fn write_tiled(path: &Path, levels: &[(usize, usize, &Rows)]) -> Result<(), String> {
-    let api = sys::api()?;
-    let path = c_string(path.as_os_str().as_bytes())?;
-    let mut info = EMPTY;
-    let mut places = Vec::new();
-    if levels.is_empty() || levels.len() > sys::LEVELS {
-        return Err(format!("expected 1 to {} levels, found {}", sys::LEVELS, levels.len()));
-    }
-    info.levels = levels.len() as u32;
-    for (level, &(width, height, rows)) in levels.iter().enumerate() {
-        (info.width[level], info.height[level]) = (width as u32, height as u32);
-        let (kind, texels, place) = match rows {
-            Rows::Eight(texels) => (0, texels.len(), texels.as_ptr().cast()),
-            Rows::Float(texels) => (3, texels.len(), texels.as_ptr().cast()),
-        };
-        if texels != width * height || (level > 0 && kind != info.kind) {
-            return Err(format!("expected {width} × {height} texels of one kind, found {texels}"));
-        }
-        info.kind = kind;
-        places.push(place);
-    }
-    call(|message, size| {
-        // SAFETY: `places` has as many pointers as `info.levels` says, each to the texels of its level, as checked above.
-        unsafe { (api.write)(path.as_ptr(), &info, places.as_ptr(), message, size) }
-    })
-}
-
-/// Tiles of files, held up to a limit. Any number of threads may look into it.
-pub struct Cache {
-    api: &'static sys::Api,
-    raw: NonNull<sys::Cache>,
-}
-
-impl std::fmt::Debug for Cache {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.debug_tuple("Cache").field(&self.raw).finish()
-    }
-}
-
-// SAFETY: the shim's functions on a cache, but for `add` (which takes `&mut self`) and the end, may be called by any number of
-// threads at once, and any thread may end it.
-unsafe impl Send for Cache {}
-// SAFETY: see above.
-unsafe impl Sync for Cache {}
-
-/// The texel of a level.
-pub use sys::Texel;
-
-impl Cache {
-    /// An empty one that holds at most `max_bytes` (OpenImageIO takes 10 MB for anything less).
-    pub fn new(max_bytes: u64) -> Result<Self, String> {
-        let api = sys::api()?;
-        // SAFETY: no pointers.
-        let raw = unsafe { (api.cache_new)(max_bytes) };
-        NonNull::new(raw).map(|raw| Cache { api, raw }).ok_or_else(|| "no memory for a texture cache".into())
-    }
-
-    /// Adds a tiled file; its number.
-    pub fn add(&mut self, path: &Path) -> Result<u32, String> {
-        let path = c_string(path.as_os_str().as_bytes())?;
-        let mut image = 0;
-        call(|message, size| {
-            // SAFETY: the cache lives; the path ends in 0.
-            unsafe { (self.api.cache_add)(self.raw.as_ptr(), path.as_ptr(), &mut image, message, size) }
-        })?;
-        Ok(image)
-    }
-
-    /// Texels of an image of 8 bits.
-    pub fn eight<const N: usize>(&self, image: u32, wanted: &[Texel; N]) -> Result<[[u8; 4]; N], String> {
-        let mut texels = [[0; 4]; N];
-        self.texels(image, wanted, texels.as_mut_ptr().cast())?;
-        Ok(texels)
-    }
-
-    /// Texels of any other image.
-    pub fn float<const N: usize>(&self, image: u32, wanted: &[Texel; N]) -> Result<[[f32; 4]; N], String> {
-        let mut texels = [[0.0; 4]; N];
-        self.texels(image, wanted, texels.as_mut_ptr().cast())?;
-        Ok(texels)
-    }
-
-    /// `texels` has room for as many as are wanted of the image's kind: the callers above are called by
-    /// [`Stored`](super::stored::Stored), which knows the kind from the header.
-    fn texels(&self, image: u32, wanted: &[Texel], texels: *mut std::ffi::c_void) -> Result<(), String> {
-        call(|message, size| {
-            // SAFETY: the cache lives; `wanted` is as long as said; `texels` has room, see above.
-            unsafe { (self.api.texels)(self.raw.as_ptr(), image, wanted.len(), wanted.as_ptr(), texels, message, size) }
-        })
-    }
-
-    /// What it has done so far.
-    pub fn stats(&self) -> sys::Stats {
-        let mut stats = sys::Stats::default();
-        // SAFETY: the cache lives; `stats` is of this frame.
-        unsafe { (self.api.cache_stats)(self.raw.as_ptr(), &mut stats) };
-        stats
-    }
-}
-
-impl Drop for Cache {
-    fn drop(&mut self) {
-        // SAFETY: made in `new`, ended here alone; threads that still hold tiles keep what they need of it.
-        unsafe { (self.api.cache_free)(self.raw.as_ptr()) }
     }
 }
 
@@ -247,7 +157,8 @@ fn described(info: &sys::Info) -> Info {
         format: text(&info.format),
         eight_bits: info.kind == 0,
         integers: info.kind <= 1,
-        tile_rows: (info.tile_height > 0).then_some(info.tile_height),
+        channels: info.channels,
+        tile: (info.tile_height > 0).then_some((info.tile_width, info.tile_height)),
         levels: (0..levels).map(|level| (info.width[level] as usize, info.height[level] as usize)).collect(),
     }
 }

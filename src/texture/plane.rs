@@ -1,8 +1,12 @@
-//! Texels in memory. Those of several images of one size may be woven: the first texel of each, then the second of each. A
-//! material that reads them all at one point finds them in the same cache line, in no more memory than before.
+//! Texels in memory. Those of several images of one size may be woven: the first texel of each, then the second of
+//! each. A material that reads them all at one point finds them in the same cache line, in no more memory than before.
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
+
+#[cfg(feature = "oiio")]
+use super::color::decode_colors;
 
 /// Texels of one image.
 #[derive(Clone, Debug)]
@@ -15,6 +19,124 @@ pub struct Plane<T> {
     pub(super) offset: usize,
     /// Coarser levels, never woven: those of the file, else made when they are first needed.
     pub(super) coarser: Arc<OnceLock<Vec<Level<T>>>>,
+}
+
+/// Texels of some rows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Rows {
+    /// 8 bits a channel.
+    Eight(Vec<[u8; 4]>),
+    /// Anything else.
+    Float(Vec<[f32; 4]>),
+}
+
+impl Rows {
+    /// None of the same kind.
+    pub(super) fn empty(&self) -> Rows {
+        match self {
+            Rows::Eight(_) => Rows::Eight(Vec::new()),
+            Rows::Float(_) => Rows::Float(Vec::new()),
+        }
+    }
+
+    /// Texels that fit without another allocation.
+    pub(super) fn capacity(&self) -> usize {
+        match self {
+            Rows::Eight(texels) => texels.capacity(),
+            Rows::Float(texels) => texels.capacity(),
+        }
+    }
+
+    /// Bytes of the texels.
+    pub(super) fn bytes(&self) -> u64 {
+        self.as_bytes().len() as u64
+    }
+
+    /// Forgets the texels and keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.resize(0);
+    }
+
+    /// As many texels; new ones are 0.
+    pub(super) fn resize(&mut self, texels: usize) {
+        match self {
+            Rows::Eight(all) => all.resize(texels, [0; 4]),
+            Rows::Float(all) => all.resize(texels, [0.0; 4]),
+        }
+    }
+
+    /// Makes room for as many more texels, if there is memory.
+    #[cfg(feature = "oiio")]
+    pub(super) fn try_reserve(&mut self, texels: usize) -> Result<(), ()> {
+        let reserved = match self {
+            Rows::Eight(all) => all.try_reserve_exact(texels),
+            Rows::Float(all) => all.try_reserve_exact(texels),
+        };
+        reserved.map_err(|_| ())
+    }
+
+    /// Appends texels of the same kind.
+    pub(super) fn extend(&mut self, more: &Rows) {
+        match (self, more) {
+            (Rows::Eight(all), Rows::Eight(more)) => all.extend(more),
+            (Rows::Float(all), Rows::Float(more)) => all.extend(more),
+            _ => unreachable!("levels of an image are of one kind"),
+        }
+    }
+
+    /// Some of the texels.
+    #[cfg(feature = "oiio")]
+    pub(super) fn part(&self, range: Range<usize>) -> Rows {
+        match self {
+            Rows::Eight(texels) => Rows::Eight(texels[range].to_vec()),
+            Rows::Float(texels) => Rows::Float(texels[range].to_vec()),
+        }
+    }
+
+    /// Some of the columns of rows of this width.
+    pub(super) fn columns(&self, width: usize, columns: Range<usize>) -> Rows {
+        fn cut<T: Copy>(texels: &[T], width: usize, columns: Range<usize>) -> Vec<T> {
+            texels.chunks_exact(width).flat_map(|row| row[columns.clone()].iter().copied()).collect()
+        }
+        match self {
+            Rows::Eight(texels) => Rows::Eight(cut(texels, width, columns)),
+            Rows::Float(texels) => Rows::Float(cut(texels, width, columns)),
+        }
+    }
+
+    /// Decodes the colours of 16-bit integers; nothing unless `encoded`.
+    #[cfg(feature = "oiio")]
+    pub(super) fn decode(&mut self, encoded: bool) {
+        if let (Rows::Float(texels), true) = (self, encoded) {
+            decode_colors(texels);
+        }
+    }
+
+    /// The texels, if they have 8 bits.
+    #[cfg(feature = "oiio")]
+    pub(super) fn into_eight(self) -> Option<Vec<[u8; 4]>> {
+        if let Rows::Eight(texels) = self { Some(texels) } else { None }
+    }
+
+    /// The texels, if they are floats.
+    #[cfg(feature = "oiio")]
+    pub(super) fn into_float(self) -> Option<Vec<[f32; 4]>> {
+        if let Rows::Float(texels) = self { Some(texels) } else { None }
+    }
+
+    pub(super) fn as_bytes(&self) -> &[u8] {
+        match self {
+            Rows::Eight(texels) => bytemuck::cast_slice(texels),
+            Rows::Float(texels) => bytemuck::cast_slice(texels),
+        }
+    }
+
+    pub(super) fn as_bytes_mut(&mut self) -> &mut [u8] {
+        match self {
+            Rows::Eight(texels) => bytemuck::cast_slice_mut(texels),
+            Rows::Float(texels) => bytemuck::cast_slice_mut(texels),
+        }
+    }
 }
 
 /// Columns, rows and texels of a level.

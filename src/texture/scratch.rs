@@ -1,71 +1,105 @@
-//! Tiled copies of images that do not fit into memory and are not stored in tiles: decoded once, written into a folder of the
-//! process's own, deleted with the scene.
+//! The file that texels of images go to which do not fit into memory: one for a scene, in the folder of temporary files
+//! (`TMPDIR`), without a name: whatever ends the process, SIGKILL included, the system frees it.
 //!
-//! Why a copy: scan lines can be read in order only. A look-up into a PNG that is not held decodes it from its first row. Images
-//! inside a glTF are treated in the same way, so that their encoded bytes need not stay in memory.
+//! Why copies: scan lines can be read in order only. A look-up into a PNG that is not held would decode it from its
+//! first row. Texels are written as look-ups want them, so reading them back is all that there is to do.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
-use super::oiio::write_tiled;
-use super::{ColorSpace, Rows, pyramid};
+use crate::error::Error;
 
-/// A folder below the system's for temporary files (`TMPDIR`).
-#[derive(Debug)]
+/// The file of one scene, made when it is first needed.
+#[derive(Debug, Default)]
 pub(super) struct Scratch {
-    folder: PathBuf,
+    file: OnceLock<File>,
+    making: Mutex<()>,
+    length: AtomicU64,
 }
 
 impl Scratch {
-    pub(super) fn new() -> Result<Self, String> {
-        static NEXT: AtomicU64 = AtomicU64::new(0);
-        loop {
-            let number = NEXT.fetch_add(1, Ordering::Relaxed);
-            let folder = std::env::temp_dir().join(format!("pathspace-{}-{number}", std::process::id()));
-            // Not `create_dir_all`: a folder that is there already is somebody else's, such as a killed process of the same
-            // number (containers count from 1 each time).
-            match std::fs::create_dir(&folder) {
-                Ok(()) => return Ok(Scratch { folder }),
-                Err(reason) if reason.kind() == std::io::ErrorKind::AlreadyExists => {}
-                Err(reason) => return Err(format!("cannot make {}: {reason}", folder.display())),
+    /// A place for so many bytes.
+    pub(super) fn reserve(&self, bytes: u64) -> u64 {
+        self.length.fetch_add(bytes, Ordering::Relaxed)
+    }
+
+    /// Writes bytes to a place that was reserved.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the folder of temporary files: it is full, or takes no file.
+    pub(super) fn write(&self, bytes: &[u8], place: u64) -> Result<(), Error> {
+        let failed = |source| Error::io(std::env::temp_dir(), "keep copies of textures in", source);
+        self.file().and_then(|file| write_at(file, bytes, place)).map_err(failed)
+    }
+
+    /// Reads bytes from a place.
+    pub(super) fn read(&self, bytes: &mut [u8], place: u64) -> io::Result<()> {
+        read_at(self.file()?, bytes, place)
+    }
+
+    fn file(&self) -> io::Result<&File> {
+        let _making = self.making.lock().unwrap_or_else(PoisonError::into_inner);
+        match self.file.get() {
+            Some(file) => Ok(file),
+            None => {
+                let made = tempfile::tempfile()?;
+                Ok(self.file.get_or_init(|| made))
             }
         }
     }
-
-    /// Writes an image and its pyramid; where to. Levels are averaged in linear values of `color_space`; `integers` says that
-    /// colours are encoded in the file.
-    pub(super) fn write(
-        &self,
-        number: usize,
-        image: &(usize, usize, Rows),
-        color_space: ColorSpace,
-        integers: bool,
-    ) -> Result<PathBuf, String> {
-        let path = self.folder.join(format!("{number}-{color_space:?}.tif"));
-        let (width, height, rows) = image;
-        let encoded = integers && color_space == ColorSpace::Srgb;
-        let coarser: Vec<(usize, usize, Rows)> = match rows {
-            Rows::Eight(texels) => {
-                let next = |(w, h), texels: &[[u8; 4]]| pyramid::halved_eight(w, h, texels, color_space);
-                let levels = pyramid::levels((*width, *height), texels, next).into_iter();
-                levels.map(|(w, h, texels)| (w, h, Rows::Eight(texels))).collect()
-            }
-            Rows::Float(texels) => {
-                let next = |(w, h), texels: &[[f32; 4]]| pyramid::halved_float(w, h, texels, encoded);
-                let levels = pyramid::levels((*width, *height), texels, next).into_iter();
-                levels.map(|(w, h, texels)| (w, h, Rows::Float(texels))).collect()
-            }
-        };
-        let levels: Vec<_> =
-            std::iter::once(image).chain(&coarser).map(|(width, height, rows)| (*width, *height, rows)).collect();
-        write_tiled(&path, &levels).map_err(|reason| format!("cannot write {}: {reason}", path.display()))?;
-        Ok(path)
-    }
 }
 
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // A folder that cannot be removed is no reason to fail.
-        let _ = std::fs::remove_dir_all(&self.folder);
+#[cfg(unix)]
+use std::os::unix::fs::FileExt;
+
+#[cfg(unix)]
+fn write_at(file: &File, bytes: &[u8], place: u64) -> io::Result<()> {
+    file.write_all_at(bytes, place)
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, bytes: &mut [u8], place: u64) -> io::Result<()> {
+    file.read_exact_at(bytes, place)
+}
+
+#[cfg(not(unix))]
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+#[cfg(not(unix))]
+fn write_at(mut file: &File, bytes: &[u8], place: u64) -> io::Result<()> {
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    io::Seek::seek(&mut file, io::SeekFrom::Start(place))?;
+    io::Write::write_all(&mut file, bytes)
+}
+
+#[cfg(not(unix))]
+fn read_at(mut file: &File, bytes: &mut [u8], place: u64) -> io::Result<()> {
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    io::Seek::seek(&mut file, io::SeekFrom::Start(place))?;
+    io::Read::read_exact(&mut file, bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Oracle: the bytes written. Deterministic.
+    #[test]
+    fn bytes_come_back_from_their_place() {
+        let scratch = Scratch::default();
+        let texts = [&b"first"[..], b"", b"the second"];
+        let places = texts.map(|text| scratch.reserve(text.len() as u64));
+        assert_eq!(places, [0, 5, 5]);
+        for (text, place) in texts.iter().zip(places).rev() {
+            scratch.write(text, place).expect("a folder of temporary files");
+        }
+        for (text, place) in texts.iter().zip(places) {
+            let mut read = vec![0; text.len()];
+            scratch.read(&mut read, place).expect("written");
+            assert_eq!(&read, text);
+        }
+        assert!(scratch.read(&mut [0; 2], 14).is_err(), "past the end");
     }
 }

@@ -37,6 +37,24 @@ pub struct TextureStats {
     pub cache_seconds: f64,
     /// Seconds of these that went into reading files.
     pub read_seconds: f64,
-    /// Look-ups that failed because a file changed or vanished; their texels are magenta.
+    /// Look-ups that failed because a file changed, vanished or could not be read; their values are magenta.
     pub failed: u64,
+}
+
+/// An image of which look-ups failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct TextureFault {
+    /// Its file and the material that asks for it.
+    pub image: String,
+    /// Look-ups that failed.
+    pub lookups: u64,
+    /// Why the first did.
+    pub problem: String,
+}
+
+impl std::fmt::Display for TextureFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {} look-ups failed: {}", self.image, self.lookups, self.problem)
+    }
 }

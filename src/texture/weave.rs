@@ -1,8 +1,8 @@
-//! Which images are woven: those of 8 bits and of one size that a material reads at the same point, in memory. An image is
-//! woven once, with what the first material reads beside it; all textures made of it follow. No value changes.
+//! Which images are woven: those of 8 bits and of one size that a material reads at the same point, in memory. An image
+//! is woven once, with what the first material reads beside it; all textures made of it follow. No value changes.
 
 use super::plane::Plane;
-use super::{Texels, Texture};
+use super::texels::{Texels, Texture};
 
 /// Weaves what can be of the textures numbered `together`.
 pub fn weave(textures: &mut [Texture], together: &[usize]) {
@@ -32,7 +32,9 @@ pub fn weave(textures: &mut [Texture], together: &[usize]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ColorSpace, Wrap, lookup, lookup_filtered};
+    use super::super::color::ColorSpace;
+    use super::super::lookup::{lookup, lookup_filtered};
+    use super::super::taps::Wrap;
     use super::*;
 
     fn texture(texels: Texels, (width, height): (usize, usize)) -> Texture {
@@ -41,8 +43,8 @@ mod tests {
         Texture { name: String::new(), width, height, texels, color_space, wrap_u, wrap_v, bilinear: true }
     }
 
-    /// Oracle: the textures as they were; every texel, level, sum of bytes and look-up, exactly. The fourth texture is of the first one's
-    /// image, the fifth of another size. Deterministic.
+    /// Oracle: the textures as they were; every texel, level, sum of bytes and look-up, exactly. The fourth texture is
+    /// of the first one's image, the fifth of another size. Deterministic.
     #[test]
     fn weaving_changes_no_value_and_takes_no_memory() {
         let image = |seed: usize, texels: usize| -> Texels {

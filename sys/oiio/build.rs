@@ -1,5 +1,5 @@
-//! Finds OpenImageIO through pkg-config and compiles the shim against it. What the shim needs of OpenImageIO is there from
-//! 2.4 on; 3.x has another interface of its tile cache.
+//! Finds OpenImageIO through pkg-config and compiles the shim against it. What the shim needs of OpenImageIO is there
+//! from 2.4 on; 3.x has another interface of its tile cache.
 
 use std::env;
 use std::path::PathBuf;
@@ -16,8 +16,8 @@ fn main() {
     }
     let flags = pkg_config(&["--cflags", "--libs"]).unwrap_or_else(|| fail("pkg-config has no flags for it"));
 
-    // A shared library of its own, which the crate carries and opens when the first image is read: OpenImageIO brings some 250
-    // libraries along, a quarter of a second that a render without textures need not wait.
+    // A separate shared library, which the crate carries and opens when the first image is read: OpenImageIO brings
+    // some 250 libraries along, a quarter of a second that a render without textures need not wait.
     let shim = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it")).join("shim.so");
     let mut compiler = cc::Build::new();
     compiler.cpp(true).std("c++17").opt_level(2).pic(true);
@@ -45,8 +45,8 @@ fn pkg_config(arguments: &[&str]) -> Option<String> {
 /// One clear message instead of a panic's backtrace.
 fn fail(problem: &str) -> ! {
     println!(
-        "cargo::error=OpenImageIO: {problem}. On Debian: `apt-get install g++ pkg-config libopenimageio-dev` (or `make setup`); \
-         or build without it: --no-default-features --features embree."
+        "cargo::error=OpenImageIO: {problem}. On Debian: `apt-get install g++ pkg-config libopenimageio-dev` (or \
+         `make setup`); or build without it: --no-default-features --features cli,embree."
     );
     exit(1);
 }

@@ -7,17 +7,12 @@
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/half.h>
-#include <OpenImageIO/imagecache.h>
 #include <OpenImageIO/imageio.h>
 
 #include <dlfcn.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cstring>
 #include <exception>
 #include <memory>
@@ -31,12 +26,9 @@
 #endif
 
 static_assert(sizeof(pathspace_oiio_info) == 244, "as in src/lib.rs");
-static_assert(sizeof(pathspace_oiio_texel) == 12, "as in src/lib.rs");
-static_assert(sizeof(pathspace_oiio_stats) == 48, "as in src/lib.rs");
 
 namespace {
 
-using OIIO::ImageCache;
 using OIIO::ImageInput;
 using OIIO::ImageSpec;
 using OIIO::TypeDesc;
@@ -132,7 +124,8 @@ void expand(Kind kind, const void* from, int channels, void* to) {
 size_t texel_size(Kind kind) { return kind == EIGHT ? 4 : 16; }
 
 bool is_alike(const ImageSpec& a, const ImageSpec& b) {
-  return a.format == b.format && a.nchannels == b.nchannels && (a.tile_width != 0) == (b.tile_width != 0);
+  return a.format == b.format && a.nchannels == b.nchannels && a.tile_width == b.tile_width &&
+         a.tile_height == b.tile_height;
 }
 
 void check(const ImageSpec& spec) {
@@ -146,6 +139,23 @@ void check(const ImageSpec& spec) {
   if (spec.channelindex("RY") >= 0 || spec.channelindex("BY") >= 0) {
     throw Failure("channels of luminance and chroma; R, G and B are expected");
   }
+}
+
+// Whether a reader has this name or reads files whose names end so. The library would take any other word for a file to
+// be opened by each of its readers; the readers of movies and terminals open more than images.
+bool is_format(const std::string& name) {
+  std::string list = OIIO::get_string_attribute("extension_list");
+  for (size_t begin = 0; begin < list.size();) {
+    const size_t end = std::min(list.find(';', begin), list.size());
+    const std::string entry = list.substr(begin, end - begin);
+    begin = end + 1;
+    const size_t colon = std::min(entry.find(':'), entry.size());
+    const std::string reader = entry.substr(0, colon);
+    if (reader == "ffmpeg" || reader == "null" || reader == "term") continue;
+    const std::string ends = colon < entry.size() ? "," + entry.substr(colon + 1) + "," : "";
+    if (reader == name || ends.find("," + name + ",") != std::string::npos) return true;
+  }
+  return false;
 }
 
 pathspace_oiio_info describe(const ImageInput& input, const ImageSpec& spec) {
@@ -174,21 +184,24 @@ void pathspace_oiio_version(char* version, size_t version_size, char* file, size
   guarded(nullptr, 0, [&] {
     const int number = OIIO::openimageio_version();
     copy(version, version_size,
-         std::to_string(number / 10000) + "." + std::to_string(number / 100 % 100) + "." + std::to_string(number % 100));
+         std::to_string(number / 10000) + "." + std::to_string(number / 100 % 100) + "." +
+         std::to_string(number % 100));
     Dl_info found = {};
     const bool known = dladdr(reinterpret_cast<void*>(&OIIO::openimageio_version), &found) != 0 && found.dli_fname;
     copy(file, file_size, known ? found.dli_fname : "");
   });
 }
 
-int pathspace_oiio_open(const char* name, const char* format, const void* bytes, size_t size, pathspace_oiio_reader** reader,
-                        pathspace_oiio_info* info, char* error, size_t error_size) noexcept {
+int pathspace_oiio_open(const char* name, const char* format, const void* bytes, size_t size,
+                        pathspace_oiio_reader** reader, pathspace_oiio_info* info, char* error,
+                        size_t error_size) noexcept {
   return guarded(error, error_size, [&] {
     initialise();
     auto opened = std::make_unique<pathspace_oiio_reader>();
     ImageSpec config;
     // Base colours are not premultiplied in glTF.
     config.attribute("oiio:UnassociatedAlpha", 1);
+    if (!is_format(format)) throw Failure("no reader for this format");
     opened->input = ImageInput::create(format);
     if (!opened->input) throw Failure(OIIO::geterror());
     if (bytes) {
@@ -210,7 +223,8 @@ int pathspace_oiio_open(const char* name, const char* format, const void* bytes,
         return is >= 1 && (uint32_t(is) == std::max(of / 2, 1u) || uint32_t(is) == (of + 1) / 2);
       };
       const uint32_t before = i.levels - 1;
-      if (!is_alike(first, spec) || !halved(i.width[before], spec.width) || !halved(i.height[before], spec.height)) break;
+      if (!is_alike(first, spec)) break;
+      if (!halved(i.width[before], spec.width) || !halved(i.height[before], spec.height)) break;
       if (i.width[before] == 1 && i.height[before] == 1) break;
       i.width[i.levels] = uint32_t(spec.width);
       i.height[i.levels] = uint32_t(spec.height);
@@ -222,23 +236,30 @@ int pathspace_oiio_open(const char* name, const char* format, const void* bytes,
   });
 }
 
-int pathspace_oiio_read(pathspace_oiio_reader* reader, uint32_t level, uint32_t begin, uint32_t end, void* texels, char* error,
+int pathspace_oiio_read(pathspace_oiio_reader* reader, uint32_t level, const uint32_t* area, void* texels, char* error,
                         size_t error_size) noexcept {
   return guarded(error, error_size, [&] {
     const pathspace_oiio_info& info = reader->info;
-    if (level >= info.levels || begin > end || end > info.height[level]) throw Failure("rows outside of the image");
+    const auto [left, right, top, bottom] = std::array<uint32_t, 4>{area[0], area[1], area[2], area[3]};
+    if (level >= info.levels || left > right || right > info.width[level] || top > bottom ||
+        bottom > info.height[level])
+      throw Failure("texels outside of the image");
     ImageInput& input = *reader->input;
     const ImageSpec spec = input.spec(0, int(level));
-    if (spec.width != int(info.width[level]) || spec.height != int(info.height[level])) throw Failure("the image changed");
+    if (spec.width != int(info.width[level]) || spec.height != int(info.height[level]) ||
+        spec.nchannels != int(info.channels) || kind_of(spec.format) != Kind(info.kind) ||
+        spec.tile_width != int(info.tile_width) || spec.tile_height != int(info.tile_height))
+      throw Failure("the image changed");
+    if (spec.tile_width == 0 && (left != 0 || right != info.width[level])) throw Failure("columns of scan lines");
     const int channels = std::min(spec.nchannels, 4);
     const Kind kind = Kind(info.kind);
-    const size_t from_size = size_of(kind) * size_t(channels), width = size_t(spec.width);
-    reader->row.resize(from_size * width * (end - begin));
-    const int y0 = spec.y + int(begin), y1 = spec.y + int(end);
+    const size_t from_size = size_of(kind) * size_t(channels), count = size_t(right - left) * size_t(bottom - top);
+    reader->row.resize(from_size * count);
+    const int x0 = spec.x + int(left), x1 = spec.x + int(right), y0 = spec.y + int(top), y1 = spec.y + int(bottom);
     const bool read =
         spec.tile_width != 0
-            ? input.read_tiles(0, int(level), spec.x, spec.x + spec.width, y0, y1, spec.z, spec.z + 1, 0, channels,
-                               type_of(kind), reader->row.data())
+            ? input.read_tiles(0, int(level), x0, x1, y0, y1, spec.z, spec.z + 1, 0, channels, type_of(kind),
+                               reader->row.data())
             : input.read_scanlines(0, int(level), y0, y1, spec.z, 0, channels, type_of(kind), reader->row.data());
     // A decoder may fill up what is missing and say so.
     const bool complained = input.has_error();
@@ -246,281 +267,10 @@ int pathspace_oiio_read(pathspace_oiio_reader* reader, uint32_t level, uint32_t 
     if (!read || complained) throw Failure(problem);
     auto* to = static_cast<unsigned char*>(texels);
     const unsigned char* from = reader->row.data();
-    for (size_t i = 0, n = width * (end - begin); i < n; i++) {
-      expand(kind, from + i * from_size, channels, to + i * texel_size(kind));
-    }
+    for (size_t i = 0; i < count; i++) expand(kind, from + i * from_size, channels, to + i * texel_size(kind));
   });
 }
 
 void pathspace_oiio_close(pathspace_oiio_reader* reader) noexcept {
   guarded(nullptr, 0, [&] { delete reader; });
-}
-
-int pathspace_oiio_write(const char* path, const pathspace_oiio_info* info, const void* const* levels, char* error,
-                         size_t error_size) noexcept {
-  return guarded(error, error_size, [&] {
-    initialise();
-    auto output = OIIO::ImageOutput::create("tiff");
-    if (!output) throw Failure(OIIO::geterror());
-    const Kind kind = Kind(info->kind);
-    for (uint32_t level = 0; level < info->levels; level++) {
-      ImageSpec spec(int(info->width[level]), int(info->height[level]), 4, type_of(kind));
-      spec.tile_width = spec.tile_height = 64;
-      spec.attribute("compression", "none");
-      spec.attribute("oiio:UnassociatedAlpha", 1);
-      // The format knows images only; with this they are read as the levels of one.
-      spec.attribute("textureformat", "Plain Texture");
-      const auto next = output->supports("mipmap") ? OIIO::ImageOutput::AppendMIPLevel : OIIO::ImageOutput::AppendSubimage;
-      const auto mode = level == 0 ? OIIO::ImageOutput::Create : next;
-      if (!output->open(path, spec, mode) || !output->write_image(type_of(kind), levels[level])) {
-        throw Failure(output->geterror());
-      }
-    }
-    if (!output->close()) throw Failure(output->geterror());
-  });
-}
-
-namespace {
-
-// Hands free memory back to the system. A tile is freed by another thread than the one that needs the next, which has a heap
-// of its own: without this the process grows far beyond what the cache holds.
-void give_back() {
-#ifdef __GLIBC__
-  malloc_trim(0);
-#endif
-}
-
-struct Image {
-  ImageCache::ImageHandle* handle;
-  Kind kind;
-  int channels;
-  std::vector<ImageSpec> levels;
-};
-
-// A tile that a thread holds.
-struct Held {
-  uint64_t key = ~uint64_t(0);
-  ImageCache::Tile* tile = nullptr;
-  const unsigned char* pixels = nullptr;
-  size_t bytes = 0;
-};
-
-// Counts of one thread; read by others.
-struct Counts {
-  std::atomic<uint64_t> requests{0}, front_misses{0};
-};
-
-// What the cache and the threads that look into it own together. The last of them ends it.
-struct Shared {
-  ImageCache* cache = nullptr;
-  std::vector<Image> images;
-  uint64_t serial = 0;
-  size_t hold_limit = 0;
-  size_t give_back_after = 0;
-  std::atomic<size_t> fetched{0};
-  std::atomic<size_t> held{0};
-  std::atomic<uint64_t> peak{0};
-  std::mutex threads_lock;
-  std::vector<std::shared_ptr<Counts>> threads;
-
-  ~Shared() {
-    if (cache) ImageCache::destroy(cache, true);
-  }
-
-  void look_at_memory() {
-    OIIO::imagesize_t bytes = 0;
-    if (!cache->getattribute("stat:cache_memory_used", TypeDesc::INT64, &bytes)) return;
-    uint64_t before = peak.load(std::memory_order_relaxed);
-    while (before < bytes && !peak.compare_exchange_weak(before, bytes, std::memory_order_relaxed)) {
-    }
-  }
-};
-
-constexpr size_t HELD = 64;
-constexpr uint64_t LOOK_EVERY = 64;
-
-// The tiles that a thread saw last, so that most texels need no lock. Of one cache at a time.
-struct Thread {
-  std::shared_ptr<Shared> of;
-  std::shared_ptr<Counts> counts;
-  ImageCache::Perthread* perthread = nullptr;
-  std::array<Held, HELD> held;
-
-  ~Thread() { leave(); }
-
-  void release(Held& slot) {
-    if (slot.tile) {
-      of->cache->release_tile(slot.tile);
-      of->held.fetch_sub(slot.bytes, std::memory_order_relaxed);
-      slot = Held();
-    }
-  }
-
-  void leave() {
-    if (!of) return;
-    for (Held& slot : held) release(slot);
-    of.reset();
-    perthread = nullptr;
-  }
-
-  void enter(const std::shared_ptr<Shared>& shared) {
-    leave();
-    auto mine = std::make_shared<Counts>();
-    {
-      std::lock_guard<std::mutex> lock(shared->threads_lock);
-      shared->threads.push_back(mine);
-    }
-    of = shared;
-    counts = mine;
-    perthread = shared->cache->get_perthread_info();
-  }
-
-  // The pixels of the tile that holds a texel. `slot` is used where the tile may not be held.
-  const Held& tile(uint32_t image, uint32_t level, int x, int y, Held& spare) {
-    const Image& picture = of->images[image];
-    const ImageSpec& spec = picture.levels[level];
-    const uint64_t column = uint64_t(x) / uint64_t(spec.tile_width), row = uint64_t(y) / uint64_t(spec.tile_height);
-    const uint64_t key = (uint64_t(image) << 40) ^ (uint64_t(level) << 35) ^ (row << 17) ^ column;
-    Held& slot = held[(key * 0x9E3779B97F4A7C15ull) >> 58];
-    if (slot.key == key) return slot;
-
-    const uint64_t misses = counts->front_misses.load(std::memory_order_relaxed);
-    counts->front_misses.store(misses + 1, std::memory_order_relaxed);
-    if (misses % LOOK_EVERY == 0) of->look_at_memory();
-    ImageCache::Tile* found = of->cache->get_tile(picture.handle, perthread, 0, int(level), spec.x + x, spec.y + y, spec.z);
-    if (!found) throw Failure(of->cache->geterror());
-    TypeDesc format;
-    const void* pixels = of->cache->tile_pixels(found, format);
-    if (!pixels || kind_of(format) != picture.kind) {
-      of->cache->release_tile(found);
-      throw Failure("the tile cannot be read");
-    }
-    Held taken;
-    taken.key = key;
-    taken.tile = found;
-    taken.pixels = static_cast<const unsigned char*>(pixels);
-    taken.bytes = size_t(spec.tile_width) * size_t(spec.tile_height) * size_t(picture.channels) * size_of(picture.kind);
-    release(slot);
-    const size_t before = of->fetched.fetch_add(taken.bytes, std::memory_order_relaxed);
-    if (before / of->give_back_after != (before + taken.bytes) / of->give_back_after) give_back();
-    if (of->held.load(std::memory_order_relaxed) + taken.bytes > of->hold_limit) {
-      for (Held& other : held) release(other);
-    }
-    if (of->held.load(std::memory_order_relaxed) + taken.bytes > of->hold_limit) {
-      spare = taken;
-      return spare;
-    }
-    of->held.fetch_add(taken.bytes, std::memory_order_relaxed);
-    slot = taken;
-    return slot;
-  }
-};
-
-thread_local Thread this_thread;
-std::atomic<uint64_t> next_serial{1};
-
-}  // namespace
-
-struct pathspace_oiio_cache {
-  std::shared_ptr<Shared> shared;
-};
-
-pathspace_oiio_cache* pathspace_oiio_cache_new(uint64_t max_bytes) noexcept {
-  pathspace_oiio_cache* made = nullptr;
-  guarded(nullptr, 0, [&] {
-    initialise();
-    auto shared = std::make_shared<Shared>();
-    shared->cache = ImageCache::create(false);
-    if (!shared->cache) throw Failure("no cache");
-    shared->serial = next_serial++;
-    shared->hold_limit = size_t(max_bytes / 8);
-    shared->give_back_after = std::max(size_t(max_bytes / 16), size_t(1) << 20);
-    shared->cache->attribute("max_memory_MB", float(double(max_bytes) / double(1 << 20)));
-    shared->cache->attribute("max_open_files", 256);
-    shared->cache->attribute("unassociatedalpha", 1);
-    shared->cache->attribute("forcefloat", 0);
-    shared->cache->attribute("automip", 0);
-    made = new pathspace_oiio_cache{std::move(shared)};
-  });
-  return made;
-}
-
-int pathspace_oiio_cache_add(pathspace_oiio_cache* cache, const char* path, uint32_t* image, char* error,
-                             size_t error_size) noexcept {
-  return guarded(error, error_size, [&] {
-    Shared& shared = *cache->shared;
-    Image added;
-    added.handle = shared.cache->get_image_handle(OIIO::ustring(path));
-    if (!added.handle || !shared.cache->good(added.handle)) throw Failure(shared.cache->geterror());
-    for (int level = 0; level < PATHSPACE_OIIO_LEVELS; level++) {
-      ImageSpec spec;
-      if (!shared.cache->get_imagespec(added.handle, nullptr, spec, 0, level)) break;
-      if (spec.tile_width < 1 || spec.tile_height < 1) throw Failure("the file is not tiled");
-      added.levels.push_back(spec);
-    }
-    (void)shared.cache->geterror();
-    if (added.levels.empty()) throw Failure("no image in the file");
-    check(added.levels[0]);
-    added.kind = kind_of(added.levels[0].format);
-    added.channels = added.levels[0].nchannels;
-    *image = uint32_t(shared.images.size());
-    shared.images.push_back(std::move(added));
-    // What decoding and copying freed must not stand beside what the cache will take.
-    give_back();
-  });
-}
-
-int pathspace_oiio_texels(pathspace_oiio_cache* cache, uint32_t image, size_t count, const pathspace_oiio_texel* wanted,
-                          void* texels, char* error, size_t error_size) noexcept {
-  return guarded(error, error_size, [&] {
-    Thread& thread = this_thread;
-    if (!thread.of || thread.of->serial != cache->shared->serial) thread.enter(cache->shared);
-    Counts& counts = *thread.counts;
-    counts.requests.store(counts.requests.load(std::memory_order_relaxed) + count, std::memory_order_relaxed);
-    if (image >= cache->shared->images.size()) throw Failure("no such image");
-    const Image& picture = cache->shared->images[image];
-    const size_t from_size = size_of(picture.kind) * size_t(picture.channels);
-    auto* to = static_cast<unsigned char*>(texels);
-    for (size_t i = 0; i < count; i++, to += texel_size(picture.kind)) {
-      const pathspace_oiio_texel& w = wanted[i];
-      if (w.level >= picture.levels.size()) throw Failure("no such level");
-      const ImageSpec& spec = picture.levels[w.level];
-      if (w.x >= uint32_t(spec.width) || w.y >= uint32_t(spec.height)) throw Failure("a texel outside of the image");
-      Held spare;
-      const Held& held = thread.tile(image, w.level, int(w.x), int(w.y), spare);
-      const size_t at = size_t(w.y % uint32_t(spec.tile_height)) * size_t(spec.tile_width) + w.x % uint32_t(spec.tile_width);
-      expand(picture.kind, held.pixels + at * from_size, std::min(picture.channels, 4), to);
-      if (spare.tile) thread.of->cache->release_tile(spare.tile);
-    }
-  });
-}
-
-void pathspace_oiio_cache_stats(pathspace_oiio_cache* cache, pathspace_oiio_stats* stats) noexcept {
-  guarded(nullptr, 0, [&] {
-    Shared& shared = *cache->shared;
-    *stats = {};
-    shared.look_at_memory();
-    {
-      std::lock_guard<std::mutex> lock(shared.threads_lock);
-      for (const auto& counts : shared.threads) stats->requests += counts->requests.load(std::memory_order_relaxed);
-    }
-    long long bytes = 0;
-    int misses = 0;
-    float seconds = 0;
-    shared.cache->getattribute("stat:tiles_created", TypeDesc::INT, &misses);
-    shared.cache->getattribute("stat:cache_memory_used", TypeDesc::INT64, &bytes);
-    shared.cache->getattribute("stat:fileio_time", TypeDesc::FLOAT, &seconds);
-    stats->tile_misses = uint64_t(std::max(misses, 0));
-    stats->tile_hits = stats->requests - std::min(stats->requests, stats->tile_misses);
-    stats->bytes = uint64_t(std::max(bytes, 0ll));
-    stats->peak_bytes = std::max(shared.peak.load(), stats->bytes);
-    stats->read_seconds = double(seconds);
-  });
-}
-
-void pathspace_oiio_cache_free(pathspace_oiio_cache* cache) noexcept {
-  guarded(nullptr, 0, [&] {
-    if (this_thread.of == cache->shared) this_thread.leave();
-    delete cache;
-  });
 }

@@ -1,6 +1,6 @@
 //! Declarations of the shim over the installed OpenImageIO (`shim.h`, where each function is described). No policy, no
-//! wrapper: the safe layer is `pathspace::texture::oiio`. The shim is carried in the binary and opened from memory when it is first asked
-//! for, so that a render without images does not load OpenImageIO.
+//! wrapper: the safe layer is `pathspace::texture::oiio`. The shim is carried in the binary and opened from memory when
+//! it is first asked for, so that a render without images does not load OpenImageIO.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_void};
 use std::fs::File;
@@ -33,48 +33,12 @@ pub struct Info {
     pub format: [c_char; 32],
 }
 
-/// `pathspace_oiio_texel`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Texel {
-    /// Level of the pyramid, 0 is the image.
-    pub level: u32,
-    /// Column.
-    pub x: u32,
-    /// Row from the top.
-    pub y: u32,
-}
-
-/// `pathspace_oiio_stats`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Stats {
-    /// Texels asked for.
-    pub requests: u64,
-    /// Tiles read from their files.
-    pub tile_misses: u64,
-    /// Texels served without reading.
-    pub tile_hits: u64,
-    /// Bytes held.
-    pub bytes: u64,
-    /// Most bytes held.
-    pub peak_bytes: u64,
-    /// Seconds of waiting for files, over all threads.
-    pub read_seconds: f64,
-}
-
-// The same numbers are asserted in shim.cpp.
-const _: () = assert!(size_of::<Info>() == 244 && size_of::<Texel>() == 12 && size_of::<Stats>() == 48);
+// The same number is asserted in shim.cpp.
+const _: () = assert!(size_of::<Info>() == 244);
 
 /// An open image.
 #[repr(C)]
 pub struct Reader {
-    _private: [u8; 0],
-}
-
-/// A tile cache.
-#[repr(C)]
-pub struct Cache {
     _private: [u8; 0],
 }
 
@@ -98,39 +62,12 @@ pub struct Api {
     pub read: unsafe extern "C" fn(
         reader: *mut Reader,
         level: u32,
-        begin: u32,
-        end: u32,
+        area: *const u32,
         texels: *mut c_void,
         error: *mut c_char,
         error_size: usize,
     ) -> c_int,
     pub close: unsafe extern "C" fn(reader: *mut Reader),
-    pub write: unsafe extern "C" fn(
-        path: *const c_char,
-        info: *const Info,
-        levels: *const *const c_void,
-        error: *mut c_char,
-        error_size: usize,
-    ) -> c_int,
-    pub cache_new: unsafe extern "C" fn(max_bytes: u64) -> *mut Cache,
-    pub cache_add: unsafe extern "C" fn(
-        cache: *mut Cache,
-        path: *const c_char,
-        image: *mut u32,
-        error: *mut c_char,
-        error_size: usize,
-    ) -> c_int,
-    pub texels: unsafe extern "C" fn(
-        cache: *mut Cache,
-        image: u32,
-        count: usize,
-        wanted: *const Texel,
-        texels: *mut c_void,
-        error: *mut c_char,
-        error_size: usize,
-    ) -> c_int,
-    pub cache_stats: unsafe extern "C" fn(cache: *mut Cache, stats: *mut Stats),
-    pub cache_free: unsafe extern "C" fn(cache: *mut Cache),
 }
 
 /// The shim, opened with OpenImageIO and all that it brings along at the first call.
@@ -153,7 +90,7 @@ impl Api {
     fn open() -> Result<Self, String> {
         const RTLD_NOW: c_int = 2;
         const MFD_CLOEXEC: c_uint = 1;
-        // SAFETY: the name ends in 0; a descriptor that is not negative is new and nobody else's.
+        // SAFETY: the name ends in 0; a descriptor that is not negative is new and unshared.
         let mut file = unsafe {
             let descriptor = memfd_create(c"pathspace_oiio".as_ptr(), MFD_CLOEXEC);
             if descriptor < 0 {
@@ -175,12 +112,6 @@ impl Api {
                 open: symbol(library, c"pathspace_oiio_open")?,
                 read: symbol(library, c"pathspace_oiio_read")?,
                 close: symbol(library, c"pathspace_oiio_close")?,
-                write: symbol(library, c"pathspace_oiio_write")?,
-                cache_new: symbol(library, c"pathspace_oiio_cache_new")?,
-                cache_add: symbol(library, c"pathspace_oiio_cache_add")?,
-                texels: symbol(library, c"pathspace_oiio_texels")?,
-                cache_stats: symbol(library, c"pathspace_oiio_cache_stats")?,
-                cache_free: symbol(library, c"pathspace_oiio_cache_free")?,
             })
         }
     }

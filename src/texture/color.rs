@@ -1,7 +1,18 @@
-//! The sRGB decoding curve as a table over 8-bit values.
+//! How stored numbers map to linear ones: colour spaces, and the sRGB decoding curve with its table over 8-bit values.
 //!
-//! Source: IEC 61966-2-1. Regenerate with c = i/255 and c/12.92 for c ≤ 0.04045, else ((c + 0.055)/1.055)^2.4 in f64, rounded
-//! to f32; the test below does so.
+//! Source: IEC 61966-2-1. Regenerate the table with c = i/255 and c/12.92 for c ≤ 0.04045, else ((c +
+//! 0.055)/1.055)^2.4 in f64, rounded to f32; the test below does so.
+
+use glam::Vec4;
+
+/// How stored texel values map to linear ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColorSpace {
+    /// Base colour and emissive: decoded by the sRGB curve before filtering. Images of floats are linear already.
+    Srgb,
+    /// Data: metallic-roughness and normals.
+    Linear,
+}
 
 /// Linear value of each 8-bit sRGB code.
 #[rustfmt::skip]
@@ -46,6 +57,30 @@ pub fn srgb_to_linear(encoded: f32) -> f32 {
 /// The inverse: sRGB-encoded value of a linear one in [0, 1].
 pub(super) fn linear_to_srgb(linear: f64) -> f64 {
     if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Linear value of a texel of data.
+#[inline(always)]
+pub(super) fn linear(texel: [u8; 4]) -> Vec4 {
+    const STEP: f32 = 1.0 / 255.0;
+    Vec4::from_array(texel.map(f32::from)) * STEP
+}
+
+/// Linear value of a texel of colours; alpha is not encoded.
+#[inline(always)]
+pub(super) fn srgb([r, g, b, a]: [u8; 4]) -> Vec4 {
+    const STEP: f32 = 1.0 / 255.0;
+    let [r, g, b] = [r, g, b].map(|channel| SRGB_TO_LINEAR[usize::from(channel)]);
+    Vec4::new(r, g, b, f32::from(a) * STEP)
+}
+
+/// Decodes the colours of an image of 16-bit integers.
+pub(super) fn decode_colors(texels: &mut [[f32; 4]]) {
+    for texel in texels {
+        for channel in &mut texel[..3] {
+            *channel = srgb_to_linear(*channel);
+        }
+    }
 }
 
 #[cfg(test)]
