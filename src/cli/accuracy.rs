@@ -1,5 +1,5 @@
-//! `pathspace accuracy`: what accuracy costs in time for one scene. Loads it, runs the study within the budget, prints the
-//! tables on stdout and writes the report where a folder is named. Progress goes to stderr.
+//! `pathspace accuracy`: what accuracy costs in time for one scene. Loads it, runs the study within the budget, prints
+//! the tables on stdout and writes the report where a folder is named. Progress goes to stderr.
 
 use std::fs;
 use std::ops::ControlFlow;
@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::args::AccuracyArgs;
-use super::job::{self, EnvironmentRequest};
+use super::job::{self, Fallback};
+use super::output::{EXIT_OK, print, to_json};
 use super::report::Verbosity;
 use super::signal::Signals;
-use super::{EXIT_OK, print, to_json};
+use super::waiting::Waiting;
 use crate::backend::BackendInfo;
 use crate::error::{Error, Result};
 use crate::film::atomic::{check_writable, write_atomically};
-use crate::film::exr::{Picture, read_exr};
-use crate::film::filter::FilterKind;
+use crate::film::exr::read_exr;
 use crate::machine::Processor;
 use crate::render::{RenderOptions, Renderer};
 use crate::study::findings::Study;
@@ -23,11 +23,7 @@ use crate::study::measure::{self, Request};
 use crate::study::reference::Reference;
 use crate::study::renderers::Step;
 use crate::study::report::{Report, Setup};
-use crate::study::{html, settings, table};
-
-/// Pixels of a study when no size is asked for: enough that relMSE of a run scatters by a few percent only, and few
-/// enough for a hundred runs in a minute.
-const DEFAULT_PIXELS: f64 = 4900.0;
+use crate::study::{html, picture, settings, table};
 
 /// Runs the command.
 pub fn run(args: &AccuracyArgs) -> Result<u8> {
@@ -38,23 +34,23 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
     let outputs = args.output.as_deref().map(Outputs::prepare).transpose()?;
     let given = args.reference.as_deref().map(|path| read_exr(path).map(|picture| (path, picture))).transpose()?;
 
-    let scene = &job::load(
-        &args.scene,
-        EnvironmentRequest::of(&args.settings.environment),
-        args.settings.textures,
-        args.settings.shutter,
-    )?;
+    let waiting = Waiting::begin(verbosity, "loading");
+    let scene = &job::load(&args.scene, &args.settings, Fallback::White)?;
+    drop(waiting);
     verbosity.warnings(&scene.warnings);
     let load_s = started.elapsed().as_secs_f64();
     let full = job::settings(&args.settings, scene);
-    let mut base = sized(args, full.clone(), given.as_ref().map(|(_, picture)| picture));
-    job::check_memory(&base)?;
+    let mut base = full.clone();
+    if args.settings.width.is_none() && args.settings.height.is_none() && args.settings.crop.is_none() {
+        base = picture::sized(base, given.as_ref().map(|(_, picture)| picture));
+    }
+    base.check_memory()?;
     let renderer = Renderer::new(scene, RenderOptions { spp: Some(1), ..base.clone() })?;
     let machine = (renderer.plan().threads, backend_text(renderer.backend_info()));
     // The plan's choice is held through the study, so that techniques differ from it in what they say they do.
     base.backend = Some(renderer.plan().backend);
     drop(renderer);
-    let reference = given.as_ref().map(|(path, picture)| reference(path, picture, &base)).transpose()?;
+    let reference = given.as_ref().map(|(path, picture)| Reference::of_picture(path, picture, &base)).transpose()?;
     verbosity.note(format_args!(
         "accuracy: {}x{} pixels, {:.0} s; a signal keeps what is measured",
         base.width,
@@ -62,6 +58,7 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
         args.budget.as_secs_f64()
     ));
 
+    signals.defer();
     let request = Request { base, budget: args.budget, full: args.full, reference, load_s };
     let mut shown = String::new();
     let study = measure::run(scene, &request, started, &mut |step: &Step| {
@@ -79,50 +76,8 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
         outputs.write(&report, &study)?;
         verbosity.note(format_args!("wrote {}", outputs.html.display()));
     }
+    scene.check_textures()?;
     Ok(if study.interrupted { signals.exit_code().unwrap_or(EXIT_OK) } else { EXIT_OK })
-}
-
-/// The options at the size of the study: as asked, the reference's, else [`DEFAULT_PIXELS`] of the picture's shape.
-fn sized(args: &AccuracyArgs, options: RenderOptions, reference: Option<&Picture>) -> RenderOptions {
-    if args.settings.width.is_some() || args.settings.height.is_some() || args.settings.crop.is_some() {
-        return options;
-    }
-    if let Some(picture) = reference {
-        return RenderOptions { width: picture.display.0 as u32, height: picture.display.1 as u32, ..options };
-    }
-    let (w, h) = (f64::from(options.width), f64::from(options.height));
-    let scale = (DEFAULT_PIXELS / (w * h)).sqrt().min(1.0);
-    let side = |length: f64| (length * scale).round().max(1.0) as u32;
-    RenderOptions { width: side(w), height: side(h), ..options }
-}
-
-/// A given reference at the size of the picture: as it is, or averaged over whole blocks, which is exact for the box filter.
-fn reference(path: &Path, picture: &Picture, base: &RenderOptions) -> Result<Reference> {
-    let refuse = |problem: String| Err(Error::Option { option: "--reference", problem });
-    let (w, h) = (base.width as usize, base.height as usize);
-    let found = format!("{}: {}x{}", path.display(), picture.width, picture.height);
-    if base.crop.is_some() || (picture.width, picture.height) != picture.display {
-        return refuse(format!("{found}; a study against a reference takes whole pictures, without --crop"));
-    }
-    let block = picture.width / w.max(1);
-    if block == 0 || (block * w, block * h) != (picture.width, picture.height) {
-        return refuse(format!("{found}; expected {w}x{h} or a whole multiple of it"));
-    }
-    if block > 1 && base.filter != FilterKind::Box {
-        return refuse(format!("{found}; reducing it to {w}x{h} is exact for --filter box only"));
-    }
-    if picture.rgb.iter().flatten().any(|v| !v.is_finite()) {
-        return refuse(format!("{}: expected finite values", path.display()));
-    }
-    let mut values = vec![0.0; 3 * w * h];
-    let share = 1.0 / (block * block) as f64;
-    for (i, pixel) in picture.rgb.iter().enumerate() {
-        let place = i / picture.width / block * w + i % picture.width / block;
-        for c in 0..3 {
-            values[3 * place + c] += share * f64::from(pixel[c]);
-        }
-    }
-    Ok(Reference::of_values(values, None))
 }
 
 fn setup(

@@ -1,17 +1,25 @@
 //! The arguments as they are typed: names, types, units, help. Nothing here looks at a scene; [`job`](super::job) does.
 
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+use super::farm::FarmArgs;
+use super::live::args::{DEFAULT_ADDRESS, LiveArgs};
+use super::looks::{LookArgs, ViewArgs};
+use super::merge::MergeArgs;
+use super::production::{ProductionArgs, SequenceArgs};
 use super::units;
 use crate::backend::{BackendKind, QueryMode};
-use crate::film::aov::Aov;
+use crate::error::{Error, Result};
 use crate::film::filter::FilterKind;
+use crate::film::layer::LAYERS;
+use crate::plan::Aov;
 use crate::plan::options::ROULETTE_START;
-use crate::render::Crop;
+use crate::render::{Crop, Fog};
 use crate::scene::Shutter;
 use crate::texture::load as loading;
 
@@ -24,6 +32,79 @@ pub struct Cli {
     pub command: Command,
 }
 
+/// The options of `render` that people use: what `-h` shows. `--help` has all.
+const COMMON: [&str; 16] = [
+    "scene",
+    "output",
+    "png",
+    "tone_map",
+    "transparent",
+    "background",
+    "aov",
+    "spp",
+    "time",
+    "error",
+    "size",
+    "camera",
+    "camera_orbit",
+    "env",
+    "threads",
+    "verbose",
+];
+
+impl Cli {
+    /// The one definition of every command and flag, from which parsing, help, completions and pages are made.
+    pub fn definition() -> clap::Command {
+        let hint = "Not all options are shown: pathspace render --help has them.";
+        let brief = |arg: clap::Arg| match COMMON.contains(&arg.get_id().as_str()) {
+            true => arg,
+            false => arg.hide_short_help(true),
+        };
+        Cli::command().mut_subcommand("render", |render| {
+            let whole = render.get_after_help().cloned().unwrap_or_default();
+            render.mut_args(brief).after_long_help(whole).after_help(hint)
+        })
+    }
+
+    /// Whether `words` are a command line.
+    ///
+    /// # Errors
+    /// [`Error::Option`] with the reason in one line.
+    pub fn check(words: Vec<String>) -> Result<()> {
+        Cli::definition().try_get_matches_from(words).map(drop).map_err(|error| {
+            let text = error.to_string();
+            let reason = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_string();
+            Error::Option { option: "RENDER OPTIONS", problem: reason }
+        })
+    }
+
+    /// Reads the command line as people write it: a scene without a command is rendered for a first look.
+    pub fn read(words: Vec<OsString>) -> Cli {
+        let matches = Cli::definition().get_matches_from(with_command(words));
+        Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+}
+
+/// `words` with `render --quick` before a scene that no command stands before.
+fn with_command(mut words: Vec<OsString>) -> Vec<OsString> {
+    let commands = Cli::command();
+    let is_command = |word: &OsString| {
+        let mut names = commands.get_subcommands().map(clap::Command::get_name).chain(["help"]);
+        names.any(|name| word == name)
+    };
+    let is_scene = |word: &OsString| {
+        let path = Path::new(word);
+        let ending =
+            path.extension().is_some_and(|e| ["gltf", "glb"].iter().any(|scene| e.eq_ignore_ascii_case(scene)));
+        ending || word == "-" || path.is_dir()
+    };
+    let first = words.iter().skip(1).position(|word| is_command(word) || is_scene(word));
+    if first.is_some_and(|at| is_scene(&words[at + 1]) && !is_command(&words[at + 1])) {
+        words.splice(1..1, ["render".into(), "--quick".into()]);
+    }
+    words
+}
+
 const EXIT_CODES: &str = "\
 Exit codes: 0 done and target met; 1 input/output or internal error; 2 usage; 3 stopped by time or samples before the \
 error target; 4 scene invalid or a required extension unsupported; 5 non-finite samples; 128+n on signal n (what was \
@@ -34,18 +115,35 @@ rendered is written first). `compare` has its own: see its help.";
 pub enum Command {
     /// Render a scene to OpenEXR or PNG
     Render(Box<RenderArgs>),
+    /// See a scene in a browser as it gets better, and move the camera there
+    View(Box<ViewerArgs>),
     /// Show what a scene asks for, what will be simulated of it, and what not and why
     Info(InfoArgs),
     /// Compare two OpenEXR images: error metrics, and a verdict as an exit code
     Compare(CompareArgs),
     /// Check the path tracer against a deterministic solver of diffuse scenes, path length by path length
     Verify(VerifyArgs),
-    /// Measure the ray backends on a scene's own rays: rates, build time, memory, agreement, and what a render makes of them
+    /// Measure the ray backends on a scene's own rays: rates, build time, memory, agreement, and what a render makes of
+    /// them
     Bench(BenchArgs),
     /// Measure what accuracy costs in time: a price list, techniques, and the bias of what trades accuracy for time
     Accuracy(Box<AccuracyArgs>),
+    /// Join parts of one picture, rendered apart, to its very bits
+    Merge(MergeArgs),
+    /// Write a job for Slurm or OpenJD that renders a picture or a sequence on many machines
+    Farm(FarmArgs),
     /// Check what native parts this build and this machine have, and say what to install
     Doctor,
+    /// Print what completes commands and options in a shell: `pathspace completions bash`
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages to a folder
+    Man {
+        /// Folder, made if missing
+        folder: PathBuf,
+    },
 }
 
 /// `render`.
@@ -55,42 +153,69 @@ pub enum Command {
     after_help = "\
 Of --spp, --time and --error the first that is met ends the render; with none of them it is 64 samples per pixel.\n\
 Example: pathspace render scene.gltf -o scene.exr --error 2% --time 10m --png scene.png\n\
-A pixel looks wrong? pathspace render scene.gltf --pixel 31,40 lists its samples; with --sample 7 the path of one is told.\n\
-Give the options of the picture itself (size, seed, filter, …): then they are the very paths of the picture, bit for bit."
+A pixel looks wrong? pathspace render scene.gltf --pixel 31,40 lists its samples; with --sample 7 the path of \
+one is told.\n\
+Give the options of the picture itself (size, seed, filter, …): then they are the very paths of the picture, \
+bit for bit."
 )]
 pub struct RenderArgs {
-    /// Scene, .gltf or .glb
+    /// Scene, .gltf or .glb; a folder with one of them in it; - for a .glb on stdin
     pub scene: PathBuf,
 
-    /// Picture to write, .exr (linear, float) or .png (8-bit sRGB preview)
-    #[arg(short, long, value_name = "FILE", required_unless_present = "pixel", help_heading = "Output")]
+    /// Picture to write, .exr (linear, float), .png or .jpg (8-bit sRGB preview); - for a PNG on stdout [default:
+    /// SCENE.exr in the current folder, unless --png or --jpg names a picture]
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
     /// Also write an 8-bit sRGB preview
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     pub png: Option<PathBuf>,
-    /// Exposure of PNG previews, in stops: values are multiplied by 2^EV
-    #[arg(long, value_name = "EV", default_value = "0", value_parser = units::finite, help_heading = "Output")]
-    pub exposure: f32,
-    /// Extra channels in the EXR, separated by commas. variance, stderr: of each pixel's mean; spp: samples; bounces: one
-    /// image per number of scatterings; albedo, N: base colour and normal of what is met first; Z, P: depth (m) and
-    /// world position (m) through the pixel's centre
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser(), help_heading = "Output")]
+    /// What previews look like.
+    #[command(flatten)]
+    pub look: LookArgs,
+    /// Who sees it while it runs.
+    #[command(flatten)]
+    pub live: LiveArgs,
+    /// First look, as `pathspace SCENE` alone: SCENE.png and SCENE.exr of a size and within a time that give a clean
+    /// picture in about 10 s on two cores, the studio where the scene has no light, the neutral tone curve. Whatever is
+    /// given besides holds
+    #[arg(long, help_heading = "Output")]
+    pub quick: bool,
+    /// Make the folders of outputs where they are missing
+    #[arg(long, alias = "make-output-path", help_heading = "Output")]
+    pub make_path: bool,
+    /// Layers besides the beauty.
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        value_parser = aov_parser(),
+        ignore_case = true,
+        help = aov_help(),
+        help_heading = "Output"
+    )]
     pub aov: Vec<Aov>,
     /// Write R, G, B and A of the EXR in 16 bits: half the size, rounded to 1 part in 2048, at most 65504
     #[arg(long, help_heading = "Output")]
     pub half: bool,
-    /// Write statistics as JSON
+    /// Leave the clock out of the EXR: equal renders are then equal files, byte for byte, on any number of threads
+    #[arg(long, help_heading = "Output")]
+    pub reproducible: bool,
+    /// Write statistics as JSON; - for stdout
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     pub stats: Option<PathBuf>,
     /// Picture to hold the render against while it runs, OpenEXR of the same size; needs --error-log
     #[arg(long, value_name = "REF.exr", requires = "error_log", help_heading = "Output")]
     pub reference: Option<PathBuf>,
-    /// Write a line after every pass: seconds, spp, error against the reference, and the estimated one with its interval
+    /// Write a line after every pass: seconds, spp, error against the reference, and the estimated one with its
+    /// interval
     #[arg(long, value_name = "RUN.csv", requires = "reference", help_heading = "Output")]
     pub error_log: Option<PathBuf>,
 
     /// Stop at N samples per pixel [default without any limit: 64]
-    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Stopping")]
+    #[arg(
+        short = 's', long, visible_alias = "samples", value_name = "N",
+        value_parser = clap::value_parser!(u64).range(1..), help_heading = "Stopping"
+    )]
     pub spp: Option<u64>,
     /// Stop after this wall time of rendering: 90s, 10m, 1h30m
     #[arg(long, value_name = "DURATION", value_parser = units::duration, help_heading = "Stopping")]
@@ -99,27 +224,44 @@ pub struct RenderArgs {
     #[arg(long, value_name = "E", value_parser = units::fraction, help_heading = "Stopping")]
     pub error: Option<f64>,
     /// Samples per pixel before --error may stop the render; it also waits for 65536 samples over the picture
-    #[arg(long, value_name = "N", default_value_t = 16, requires = "error", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping")]
+    #[arg(
+        long, value_name = "N", default_value_t = 16, requires = "error",
+        value_parser = clap::value_parser!(u64).range(2..), help_heading = "Stopping"
+    )]
     pub min_spp: u64,
 
-    /// Write no picture: list what each sample of this pixel of the full picture gave (--spp of them), the largest marked
+    /// Write no picture: list what each sample of this pixel of the full picture gave (--spp of them), the largest
+    /// marked
     #[arg(long, value_name = "X,Y", value_parser = units::pixel, help_heading = "Replay", conflicts_with_all = [
-        "output", "png", "exposure", "aov", "half", "stats", "reference", "error_log", "time", "error", "crop", "progress",
+        "preview", "serve", "display_server", "output", "png", "jpg", "quick", "exposure", "tone_map", "transparent",
+        "background", "make_path", "aov",
+        "half", "reproducible", "stats", "reference", "error_log", "time", "error",
+        "crop", "progress",
     ])]
     pub pixel: Option<(u32, u32)>,
-    /// Tell the path of this one sample, from 0, vertex by vertex: positions, normals, lobes, densities, weights, contributions
+    /// Tell the path of this one sample, from 0, vertex by vertex: positions, normals, lobes, densities, weights,
+    /// contributions
     #[arg(long, value_name = "N", requires = "pixel", conflicts_with = "spp", help_heading = "Replay")]
     pub sample: Option<u64>,
     /// Print the replay as JSON
     #[arg(long, requires = "pixel", help_heading = "Replay")]
     pub json: bool,
 
+    /// Its state.
+    #[command(flatten)]
+    pub production: ProductionArgs,
+
+    /// Its frames.
+    #[command(flatten)]
+    pub sequence: SequenceArgs,
+
     /// What is looked at, and how.
     #[command(flatten)]
     pub settings: SettingsArgs,
 
-    /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson)
-    #[arg(long, value_enum, default_value = "auto", help_heading = "Reporting")]
+    /// Progress: a bar on a terminal, else a line each 10 % (auto); JSON objects, one a line, on stdout (ndjson); for
+    /// Open Job Description (openjd)
+    #[arg(long, value_enum, ignore_case = true, default_value = "auto", help_heading = "Reporting")]
     pub progress: ProgressKind,
     /// Print errors only
     #[arg(short, long, conflicts_with = "verbose", help_heading = "Reporting")]
@@ -129,20 +271,58 @@ pub struct RenderArgs {
     pub verbose: bool,
 }
 
+/// `view`.
+#[derive(Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "\
+Drag turns the camera, shift and wheel move it to and fro, the wheel zooms into the picture, a click tells the \
+path of a sample. A scene without light stands in the studio."
+)]
+pub struct ViewerArgs {
+    /// Scene, .gltf or .glb, or a folder with one of them in it
+    pub scene: PathBuf,
+    /// Where the page is served
+    #[arg(long, value_name = "HOST:PORT", default_value = DEFAULT_ADDRESS)]
+    pub address: String,
+    /// Let other machines reach it; the page is then opened by a secret in its address
+    #[arg(long)]
+    pub serve_anywhere: bool,
+    /// Samples per pixel after which a view is complete
+    #[arg(
+        short = 's', long, visible_alias = "samples", value_name = "N", default_value_t = 4096,
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
+    pub spp: u64,
+    /// Print errors only
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// What is looked at, and how.
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+}
+
 /// Picture, camera, environment, transport and machine, as `render`, `accuracy` and `bench` take them.
 #[derive(Debug, Args)]
 pub struct SettingsArgs {
-    /// Columns of the full picture, pixels [default: from the height and the aspect; else what the scene suggests, else 1280]
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Picture")]
+    /// Columns of the full picture, pixels [default: from the height and the aspect; else what the scene suggests, else
+    /// 1280]
+    #[arg(long, value_name = "W", value_parser = units::side, help_heading = "Picture")]
     pub width: Option<u32>,
     /// Rows of the full picture, pixels [default: from the width and the aspect of the scene's suggestion or camera]
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Picture")]
+    #[arg(long, value_name = "H", value_parser = units::side, help_heading = "Picture")]
     pub height: Option<u32>,
+    /// What is seen, besides what the scene says.
+    #[command(flatten)]
+    pub view: ViewArgs,
     /// Render only this window, pixels from the top left corner
     #[arg(long, value_name = "WxH+X+Y", value_parser = units::crop, help_heading = "Picture")]
     pub crop: Option<Crop>,
     /// Pixel filter
-    #[arg(long, default_value = "blackman-harris", value_parser = filter_parser(), help_heading = "Picture")]
+    #[arg(
+        long, default_value = "blackman-harris", value_parser = filter_parser(), ignore_case = true,
+        help_heading = "Picture"
+    )]
     pub filter: FilterKind,
 
     /// Camera by name, or by index from 0 [default: the first]
@@ -152,67 +332,116 @@ pub struct SettingsArgs {
     #[arg(long, value_name = "M", requires = "focus_distance", value_parser = units::length_m, help_heading = "Camera")]
     pub aperture_radius: Option<f32>,
     /// Distance of the plane in focus along the view axis, metres
-    #[arg(long, value_name = "M", requires = "aperture_radius", value_parser = units::length_m, help_heading = "Camera")]
+    #[arg(
+        long, value_name = "M", requires = "aperture_radius", value_parser = units::length_m,
+        help_heading = "Camera"
+    )]
     pub focus_distance: Option<f32>,
 
-    /// When the shutter is open, seconds of the animations' time; all animations of the file run. What moves meanwhile is blurred; OPEN =
-    /// CLOSE shows the scene as it is at that time. Motion goes along straight lines between up to 33 poses [default: no shutter; the
-    /// scene is shown as its nodes say, without animation]
-    #[arg(long, value_name = "OPEN,CLOSE", value_parser = units::shutter, help_heading = "Camera")]
-    pub shutter: Option<Shutter>,
+    /// A medium that fills the scene: attenuation per metre, the share of it that scatters (0 to 1), and the mean
+    /// cosine of scattering (-1 to 1, 0 is even). It ends at the sphere around the scene's bounds and the camera
+    #[arg(
+        long, value_name = "SIGMA_T,ALBEDO,G", value_parser = units::fog, allow_hyphen_values = true,
+        help_heading = "Environment"
+    )]
+    pub fog: Option<Fog>,
+
+    /// What of the file is shown.
+    #[command(flatten)]
+    pub content: ContentArgs,
 
     /// The environment.
     #[command(flatten)]
     pub environment: EnvironmentArgs,
 
+    /// Files that the scene names.
+    #[command(flatten)]
+    pub files: FileArgs,
+
     /// Textures.
     #[command(flatten)]
     pub textures: TextureArgs,
 
-    /// exact: textures as the file's sampler magnifies them, at every distance; trilinear: averaged over the width of the path (ray cones
-    /// and pyramids), less noise from fine patterns seen from afar, and a bias that `accuracy` measures
-    #[arg(long, value_enum, default_value = "exact", help_heading = "Textures")]
+    /// exact: textures as the file's sampler magnifies them, at every distance; trilinear: averaged over the width of
+    /// the path (ray cones and pyramids), less noise from fine patterns seen from afar, and a bias that `accuracy`
+    /// measures
+    #[arg(long, value_enum, ignore_case = true, default_value = "exact", help_heading = "Textures")]
     pub texture_filter: TextureFilterName,
 
     /// Longest path in edges; 1 shows emitters only
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
+    #[arg(
+        long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536),
+        help_heading = "Light transport"
+    )]
     pub max_depth: u32,
     /// End paths at random where they carry little (unbiased either way)
-    #[arg(long, value_enum, default_value = "on", help_heading = "Light transport")]
+    #[arg(long, value_enum, ignore_case = true, default_value = "on", help_heading = "Light transport")]
     pub roulette: Switch,
     /// First path vertex at which --roulette on may end a path (unbiased at any); 1 is the first surface
-    #[arg(long, value_name = "N", default_value_t = ROULETTE_START, value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport")]
+    #[arg(
+        long, value_name = "N", default_value_t = ROULETTE_START,
+        value_parser = clap::value_parser!(u32).range(1..=65536), help_heading = "Light transport"
+    )]
     pub roulette_start: u32,
     /// Combine light and BSDF sampling by the power heuristic (mis), the balance heuristic, or use one alone
-    #[arg(long, value_enum, default_value = "mis", help_heading = "Light transport")]
+    #[arg(long, value_enum, ignore_case = true, default_value = "mis", help_heading = "Light transport")]
     pub strategy: StrategyName,
     /// Random numbers: Owen-scrambled Sobol points, or independent
-    #[arg(long, value_enum, default_value = "sobol", help_heading = "Light transport")]
+    #[arg(long, value_enum, ignore_case = true, default_value = "sobol", help_heading = "Light transport")]
     pub sampler: SamplerName,
     /// Seed of every random number
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Light transport")]
     pub seed: u64,
 
     /// Worker threads [default: as many as the process may use: affinity mask, cgroup, SLURM_CPUS_PER_TASK]
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "Machine")]
+    #[arg(
+        short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096),
+        help_heading = "Machine"
+    )]
     pub threads: Option<u32>,
-    /// Ray backend [default: the fastest for the scene: flat for at most 64 faces, flat+obvhs for rooms with large meshes in them, else
-    /// the first of this build]
-    #[arg(long, value_parser = backend_parser(), help_heading = "Machine")]
+    /// Ray backend [default: the fastest for the scene: flat for at most 64 faces, flat+obvhs for rooms with large
+    /// meshes in them, else the first of this build]
+    #[arg(long, value_parser = backend_parser(), ignore_case = true, help_heading = "Machine")]
     pub backend: Option<BackendKind>,
-    /// How rays are handed to the backend; auto lets the plan choose for each class of rays
-    #[arg(long, default_value = "auto", value_parser = rays_parser(), help_heading = "Machine")]
+    /// How rays are handed to the backend; auto lets the plan choose for each class of rays. Only embree knows more
+    /// than one way
+    #[arg(long, default_value = "auto", value_parser = rays_parser(), ignore_case = true, help_heading = "Machine")]
     pub rays: Rays,
-    /// Embree's robust traversal; off is faster and loses rays at edges shared by triangles (the other backends have no such mode)
-    #[arg(long, value_enum, default_value = "on", help_heading = "Machine")]
+    /// Embree's robust traversal; off is faster and loses rays at edges shared by triangles (the other backends have no
+    /// such mode)
+    #[arg(long, value_enum, ignore_case = true, default_value = "on", help_heading = "Machine")]
     pub robust: Switch,
-    /// Pin the instruction set of embree, or of obvhs and flat+obvhs (avx2 or avx512); the other backends have nothing to pin
-    #[arg(long, value_parser = ["sse2", "sse4.2", "avx", "avx2", "avx512"], help_heading = "Machine")]
+    /// Pin the instruction set; obvhs, flat and flat+obvhs know avx2 and avx512, brute knows none
+    #[arg(long, value_parser = isa_parser(), ignore_case = true, help_heading = "Machine")]
     pub isa: Option<String>,
 
     /// Run every stage, also those that nothing calls for: the same picture, later
     #[arg(long, hide = true)]
     pub no_plan: bool,
+}
+
+/// What of a file is shown, and when, as `render` and `info` take it.
+#[derive(Clone, Debug, Args)]
+pub struct ContentArgs {
+    /// Scene of the file by name, or by index from 0 [default: the one that the file says]
+    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = "Content")]
+    pub scene_of_file: Option<String>,
+    /// Variant of the materials by name, or by index from 0 (KHR_materials_variants); `info` lists them
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Content")]
+    pub variant: Option<String>,
+    /// Animation that runs, by name or by index from 0; needs --at or --shutter [default: all run]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Content")]
+    pub animation: Option<String>,
+    /// Show the scene as its animations have it at this time; nothing is blurred [default: as its nodes say, without
+    /// animation]
+    #[arg(
+        long, value_name = "SECONDS", value_parser = units::moment, conflicts_with = "shutter", help_heading = "Content"
+    )]
+    pub at: Option<Shutter>,
+    /// When the shutter is open, seconds of the animations' time. What moves meanwhile is blurred; OPEN = CLOSE is
+    /// --at OPEN. Motion goes along straight lines between up to 33 poses
+    #[arg(long, value_name = "OPEN,CLOSE", value_parser = units::shutter, help_heading = "Content")]
+    pub shutter: Option<Shutter>,
 }
 
 /// The environment, as `render` and `info` take it.
@@ -222,23 +451,60 @@ pub struct EnvironmentArgs {
     #[arg(long, value_name = "FILE", help_heading = "Environment")]
     pub env: Option<PathBuf>,
     /// Turn the environment counter-clockwise seen from above, degrees
-    #[arg(long, value_name = "DEG", default_value = "0", requires = "env", value_parser = units::finite, help_heading = "Environment")]
+    #[arg(
+        long, value_name = "DEG", default_value = "0", requires = "env", value_parser = units::finite,
+        help_heading = "Environment"
+    )]
     pub env_rotation: f32,
     /// Multiply the environment's radiance
-    #[arg(long, value_name = "X", default_value = "1", requires = "env", value_parser = units::not_negative, help_heading = "Environment")]
+    #[arg(
+        long, value_name = "X", default_value = "1", requires = "env", value_parser = units::not_negative,
+        help_heading = "Environment"
+    )]
     pub env_intensity: f32,
+}
+
+/// Files that a scene names, as every command that loads one takes it.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct FileArgs {
+    /// Read buffers and images that lie outside of the scene's folder as well (absolute paths, `..`, links)
+    #[arg(long, help_heading = "Files")]
+    pub allow_outside: bool,
+    /// Load files that require extensions of materials which are not supported, with a warning for each
+    #[arg(long, help_heading = "Files")]
+    pub allow_missing_extensions: bool,
 }
 
 /// How images become textures, as `render` and `info` take it.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct TextureArgs {
-    /// Memory of decoded textures, MB (2^20 bytes). If they need more, the largest stay in their files behind a cache of tiles: the
-    /// same picture, later. Files in tiles (.tx by maketx, tiled EXR) are looked up where they are, others are copied to TMPDIR first
-    #[arg(long, value_name = "MB", default_value_t = loading::DEFAULT_BYTES >> 20, value_parser = clap::value_parser!(u64).range(loading::LEAST_BYTES >> 20..=1 << 24), help_heading = "Textures")]
+    /// Memory of decoded textures: 512M, 4G, or MB (2^20 bytes). If they need more, the largest stay in their files
+    /// behind a cache of tiles: the same picture, later. Files in tiles (.tx by maketx, tiled EXR) are looked up where
+    /// they are, others are copied to TMPDIR first
+    #[arg(
+        long, value_name = "MB", default_value_t = loading::DEFAULT_BYTES >> 20,
+        value_parser = texture_memory,
+        help_heading = "Textures"
+    )]
     pub texture_memory: u64,
-    /// What an image does that is missing, broken or not finite: end the load with an error, or a warning and magenta in its place
-    #[arg(long, value_enum, default_value = "error", help_heading = "Textures")]
+    /// What an image does that is missing, broken or not finite: end the load with an error, or a warning and magenta
+    /// in its place
+    #[arg(long, value_enum, ignore_case = true, default_value = "error", help_heading = "Textures")]
     pub missing_texture: MissingTextureName,
+    /// Image files that are read: `known` are PNG, JPEG, WebP, KTX2, OpenEXR, Radiance, TIFF, TGA and DPX, told by
+    /// their bytes; `all` adds what else OpenImageIO reads, told by the end of the name. Hostile files of those can
+    /// crash or hang the process, or lead to other files
+    #[arg(long, value_enum, default_value = "known", help_heading = "Textures")]
+    pub image_formats: ImageFormatsName,
+}
+
+/// Values of `--image-formats`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ImageFormatsName {
+    /// Those of the list
+    Known,
+    /// Any that OpenImageIO reads, at your own risk
+    All,
 }
 
 /// Values of `--missing-texture`.
@@ -259,17 +525,12 @@ pub struct InfoArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-    /// The environment.
+    /// Also what the machine is going to do: stages, rays, backend, biases, memory by part
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// The options of `render`, so that the plan is that of the render.
     #[command(flatten)]
-    pub environment: EnvironmentArgs,
-    /// Textures.
-    #[command(flatten)]
-    pub textures: TextureArgs,
-    /// When the shutter is open, seconds of the animations' time; all animations of the file run. What moves meanwhile is blurred; OPEN =
-    /// CLOSE shows the scene as it is at that time. Motion goes along straight lines between up to 33 poses [default: no shutter; the
-    /// scene is shown as its nodes say, without animation]
-    #[arg(long, value_name = "OPEN,CLOSE", value_parser = units::shutter)]
-    pub shutter: Option<Shutter>,
+    pub settings: SettingsArgs,
     /// Extra channels as `render` takes them, to see what they add to the plan
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser())]
     pub aov: Vec<Aov>,
@@ -281,7 +542,8 @@ pub struct InfoArgs {
     allow_negative_numbers = true,
     after_help = "\
 Exit codes, as those of idiff: 0 ok, 1 warning, 2 failure, 3 the images differ in size, 4 an image is not readable.\n\
-A pixel fails (or warns) when one of its channels differs by more than the threshold. Pixels that are not finite fail.\n\
+A pixel fails (or warns) when one of its channels differs by more than the threshold. Pixels that are not \
+finite fail.\n\
 relMSE = mean of (A − B)²/(B² + ε) with ε = 0.01·mean(B)²; trimmed: without the worst 0.1 % of pixels. \
 FLIP is HDR-FLIP at 67 pixels per degree."
 )]
@@ -293,6 +555,9 @@ pub struct CompareArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+    /// Also draw the relative difference pixel by pixel: black 0, violet 15 %, red 30 %, yellow 40 % and more
+    #[arg(short, long, value_name = "DIFF.png")]
+    pub output: Option<PathBuf>,
     /// Fail where a channel differs by more than this
     #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
     pub fail: f32,
@@ -316,11 +581,14 @@ pub struct CompareArgs {
 /// `verify`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The solver divides the surfaces into patches, computes form factors with visibility, and iterates L ← KG·L. Both sides are \
-the mean radiance along the rays through the pixels' centres, by number of scatterings, over the picture and its quarters. \
+The solver divides the surfaces into patches, computes form factors with visibility, and iterates L ← KG·L. \
+Both sides are \
+the mean radiance along the rays through the pixels' centres, by number of scatterings, over the picture and \
+its quarters. \
 A term agrees within 4.9 standard errors of the path tracer plus the solver's discretisation error, which comes from \
 solutions on patches of 1, 3/2 and 3 times the side. Terms that few paths make up are shown and not judged.\n\
-Exit codes: 0 every term agrees; 3 one does not; 4 the scene is not diffuse (untextured, flat Lambert surfaces, emissive \
+Exit codes: 0 every term agrees; 3 one does not; 4 the scene is not diffuse (untextured, flat Lambert surfaces, \
+emissive \
 ones as the only light), the message names the material.")]
 pub struct VerifyArgs {
     /// Scene, .gltf or .glb; its first camera looks
@@ -329,7 +597,7 @@ pub struct VerifyArgs {
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(16..=4000))]
     pub patches: u32,
     /// Samples of the path tracer for each pixel
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u64).range(2..))]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u64).range(2..=1 << 24))]
     pub spp: u64,
     /// Columns of the picture that both look at, pixels; rows follow from the aspect
     #[arg(long, value_name = "W", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1024))]
@@ -344,8 +612,11 @@ pub struct VerifyArgs {
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub threads: Option<u32>,
     /// Ray backend of both [default: embree, or obvhs in builds without it]
-    #[arg(long, value_parser = backend_parser())]
+    #[arg(long, value_parser = backend_parser(), ignore_case = true)]
     pub backend: Option<BackendKind>,
+    /// Files that the scene names.
+    #[command(flatten)]
+    pub files: FileArgs,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -358,7 +629,8 @@ pub struct VerifyArgs {
     after_help = "\
 A frame is rendered once and its rays are kept; every backend and query mode then traces those rays: first against the \
 others (a mode that disagrees is an error), then against the clock, with one thread and with all.\n\
-Tracing efficiency = (time of the frame's rays traced bare, each class in its best mode) / (time of the render). Render \
+Tracing efficiency = (time of the frame's rays traced bare, each class in its best mode) / (time of the \
+render). Render \
 and replay alternate; the figure is the median over the pairs.\n\
 Example: pathspace bench scene.gltf -o rates.svg"
 )]
@@ -376,10 +648,17 @@ pub struct BenchArgs {
     pub quiet: bool,
 
     /// Samples per pixel of the frame
-    #[arg(long, visible_alias = "samples", value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..), help_heading = "Frame")]
+    #[arg(
+        long, visible_alias = "samples", value_name = "N", default_value_t = 64,
+        value_parser = clap::value_parser!(u64).range(1..=65536), help_heading = "Frame"
+    )]
     pub spp: u64,
     /// Pairs of render and replay behind the tracing efficiency
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000), help_heading = "Frame")]
+    #[arg(
+        long, value_name = "N", default_value_t = 5,
+        value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1000),
+        help_heading = "Frame"
+    )]
     pub pairs: usize,
 
     /// The same as of a render.
@@ -392,11 +671,15 @@ pub struct BenchArgs {
 #[command(
     allow_negative_numbers = true,
     after_help = "\
-Prints on stdout: the price list (errors of 10, 5, 2, 1 and 0.5 %: predicted samples and seconds with intervals, and what runs \
-of that many samples took, as far as the budget goes); techniques (error, slope of error against samples, time a sample, \
-efficiency against the default); knobs (bias and time saved); what each path length carries. All options of the picture and of \
+Prints on stdout: the price list (errors of 10, 5, 2, 1 and 0.5 %: predicted samples and seconds with \
+intervals, and what runs \
+of that many samples took, as far as the budget goes); techniques (error, slope of error against samples, time \
+a sample, \
+efficiency against the default); knobs (bias and time saved); what each path length carries. All options of the \
+picture and of \
 light transport are those of `render` and make the default setting.\n\
-The picture is small unless --width says otherwise (about 4900 pixels), so that a minute says something: samples for an error \
+The picture is small unless --width says otherwise (about 4900 pixels), so that a minute says something: \
+samples for an error \
 hardly depend on the size, seconds grow with the pixels.\n\
 Example: pathspace accuracy scene.gltf --budget 2m -o report"
 )]
@@ -406,8 +689,8 @@ pub struct AccuracyArgs {
     /// Wall time for everything: 60s, 10m
     #[arg(long, value_name = "DURATION", default_value = "60s", value_parser = units::duration)]
     pub budget: Duration,
-    /// Picture that stands for the truth, OpenEXR, of the same size or (with --filter box) a whole multiple [default: long runs with
-    /// other seeds]
+    /// Picture that stands for the truth, OpenEXR, of the same size or (with --filter box) a whole multiple [default:
+    /// long runs with other seeds]
     #[arg(long, value_name = "REF.exr")]
     pub reference: Option<PathBuf>,
     /// Folder for report.html, report.json and report.csv; made if missing [default: no files]
@@ -428,8 +711,10 @@ pub struct AccuracyArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Switch {
     /// On.
+    #[value(aliases = ["true", "yes", "1"])]
     On,
     /// Off.
+    #[value(aliases = ["false", "no", "0"])]
     Off,
 }
 
@@ -475,6 +760,8 @@ pub enum ProgressKind {
     Plain,
     /// A JSON object per line on stdout
     Ndjson,
+    /// Lines for Open Job Description on stdout
+    Openjd,
     /// Nothing
     None,
 }
@@ -489,20 +776,54 @@ pub enum Rays {
 }
 
 fn filter_parser() -> impl TypedValueParser<Value = FilterKind> {
-    PossibleValuesParser::new(FilterKind::ALL.map(FilterKind::name)).try_map(|s| s.parse())
+    PossibleValuesParser::new(FilterKind::ALL.map(FilterKind::name)).try_map(|s| s.to_lowercase().parse())
 }
 
+/// Other names of layers: what they are called elsewhere.
+const LAYER_ALIASES: [(&str, Aov); 8] = [
+    ("depth", Aov::DEPTH),
+    ("normal", Aov::NORMAL),
+    ("normals", Aov::NORMAL),
+    ("position", Aov::POSITION),
+    ("samples", Aov::SPP),
+    ("uvs", Aov::UV),
+    ("alpha", Aov::COVERAGE),
+    ("basecolor", Aov::ALBEDO),
+];
+
 fn aov_parser() -> impl TypedValueParser<Value = Aov> {
-    PossibleValuesParser::new(Aov::ALL.map(Aov::name)).try_map(|s| s.parse())
+    let aliases = |aov: Aov| LAYER_ALIASES.into_iter().filter(move |(_, of)| *of == aov).map(|(alias, _)| alias);
+    let value = move |aov: Aov| PossibleValue::new(aov.name()).aliases(aliases(aov));
+    PossibleValuesParser::new(Aov::all().map(value)).try_map(|text| {
+        let named = Aov::all().find(|aov| aov.name().eq_ignore_ascii_case(&text));
+        let alias = || LAYER_ALIASES.into_iter().find(|(alias, _)| alias.eq_ignore_ascii_case(&text));
+        named.or_else(|| alias().map(|(_, aov)| aov)).ok_or_else(|| format!("'{text}' is no layer"))
+    })
+}
+
+fn isa_parser() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(["sse2", "sse4.2", "avx", "avx2", "avx512"]).map(|s| s.to_lowercase())
+}
+
+fn texture_memory(text: &str) -> Result<u64, String> {
+    let (least, most) = (loading::LEAST_BYTES >> 20, 1 << 24);
+    let fits = |mb: &u64| (least..=most).contains(mb);
+    let problem = || format!("'{text}' is out of range; accepted are {least}M to {}T", most >> 20);
+    units::megabytes(text).and_then(|mb| Some(mb).filter(fits).ok_or_else(problem))
+}
+
+fn aov_help() -> String {
+    let about: Vec<_> = LAYERS.iter().map(|layer| format!("{}: {}", layer.aov, layer.about)).collect();
+    format!("Extra channels in the EXR, separated by commas. {}", about.join("; "))
 }
 
 fn backend_parser() -> impl TypedValueParser<Value = BackendKind> {
-    PossibleValuesParser::new(BackendKind::ALL.map(BackendKind::name)).try_map(|s| s.parse())
+    PossibleValuesParser::new(BackendKind::ALL.map(BackendKind::name)).try_map(|s| s.to_lowercase().parse())
 }
 
 fn rays_parser() -> impl TypedValueParser<Value = Rays> {
     let names = std::iter::once("auto").chain(QueryMode::ALL.map(QueryMode::name));
-    PossibleValuesParser::new(names).try_map(|s| match s.as_str() {
+    PossibleValuesParser::new(names).try_map(|s| match s.to_lowercase().as_str() {
         "auto" => Ok(Rays::Auto),
         mode => mode.parse().map(Rays::Mode),
     })
@@ -511,10 +832,25 @@ fn rays_parser() -> impl TypedValueParser<Value = Rays> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
+        let command = Cli::definition();
+        command.clone().debug_assert();
+        let render = command.find_subcommand("render").expect("a command");
+        assert!(COMMON.iter().all(|id| render.get_arguments().any(|arg| arg.get_id() == *id)));
+    }
+
+    #[test]
+    fn a_scene_alone_is_rendered() {
+        let of = |line: &str| with_command(line.split(' ').map(OsString::from).collect()).join(" ".as_ref());
+        assert_eq!(of("pathspace a.glb"), "pathspace render --quick a.glb");
+        assert_eq!(of("pathspace --width 9 A.GLTF"), "pathspace render --quick --width 9 A.GLTF");
+        assert_eq!(of("pathspace -"), "pathspace render --quick -");
+        for line in
+            ["pathspace", "pathspace info a.glb", "pathspace --help", "pathspace paint", "pathspace -q render -"]
+        {
+            assert_eq!(of(line), line);
+        }
     }
 }

@@ -4,9 +4,10 @@
 use std::fmt::Write;
 
 use super::args::BenchArgs;
-use super::job::{self, EnvironmentRequest};
+use super::job::{self, Fallback};
+use super::output::{EXIT_OK, print, to_json};
 use super::report::{Verbosity, bytes, count};
-use super::{EXIT_OK, print, to_json};
+use super::waiting::Waiting;
 use crate::bench::agree::Agreement;
 use crate::bench::rates::BackendRates;
 use crate::bench::record::RayClass;
@@ -29,17 +30,14 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     }
     job::check(&args.settings)?;
     let verbosity = Verbosity::of(args.quiet, false);
-    let scene = job::load(
-        &args.scene,
-        EnvironmentRequest::of(&args.settings.environment),
-        args.settings.textures,
-        args.settings.shutter,
-    )?;
+    let waiting = Waiting::begin(verbosity, "loading");
+    let scene = job::load(&args.scene, &args.settings, Fallback::White)?;
+    drop(waiting);
     verbosity.warnings(&scene.warnings);
 
     let render = RenderOptions { spp: Some(args.spp), ..job::settings(&args.settings, &scene) };
-    job::check_memory(&render)?;
-    let options = BenchOptions { render, pairs: args.pairs };
+    render.check_memory()?;
+    let options = BenchOptions::new(render).pairs(args.pairs);
     let report = bench::run(&scene, &options, |step| verbosity.note(format_args!("{step} …")))?;
 
     if let Some(path) = &args.output {
@@ -48,6 +46,7 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
         verbosity.note(format_args!("wrote {}", path.display()));
     }
     print(&if args.json { to_json(&report) } else { table(&report) })?;
+    scene.check_textures()?;
     Ok(EXIT_OK)
 }
 
@@ -153,7 +152,8 @@ fn frame(out: &mut String, report: &Report) {
     let [camera, bounce, shadow] = frame.modes_bare;
     let _ = writeln!(
         out,
-        "            render {:.3} s ({:.2}·10⁶ paths/s); its rays bare {:.3} s, camera {camera}, bounce {bounce}, shadow {shadow}",
+        "            render {:.3} s ({:.2}·10⁶ paths/s); its rays bare {:.3} s, camera {camera}, bounce \
+         {bounce}, shadow {shadow}",
         frame.render_s, frame.mpaths_per_s, frame.bare_trace_s
     );
     let [low, high] = frame.tracing_efficiency_range;

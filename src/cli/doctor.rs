@@ -2,10 +2,11 @@
 
 use std::fs;
 
-use super::{EXIT_OK, job, print};
+use super::output::{EXIT_OK, print};
+use super::report;
 use crate::backend::{self, BackendInfo, BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
-use crate::machine::Processor;
+use crate::machine::{self, Processor};
 use crate::scene::geometry::Geometry;
 
 /// Exit code when no render can run.
@@ -26,11 +27,11 @@ pub fn run() -> Result<u8> {
     let cpu = Processor::detect();
     lines.push(format!("processor   {}", cpu.name));
     lines.push(format!("features    {}", cpu.features.join(" ")));
-    lines.push(format!("threads     {}", job::default_threads()));
+    lines.push(format!("threads     {}", machine::threads(0)));
 
     let mut usable = 0;
     for kind in BackendKind::ALL {
-        let built = backend::build(kind, &Geometry::default(), &BackendOptions::with_mode(QueryMode::Stream));
+        let built = backend::select::build(kind, &Geometry::default(), &BackendOptions::with_mode(QueryMode::Stream));
         usable += usize::from(built.is_ok());
         lines.push(format!("{:<11} {}", kind.name(), describe(built.as_ref().map(|b| b.info()))));
     }
@@ -41,15 +42,21 @@ pub fn run() -> Result<u8> {
     if !missing.is_empty() {
         lines.push(format!("missing     this build needs a processor with {}", missing.join(", ")));
     }
+    let unused = cpu.unused();
+    if !unused.is_empty() {
+        lines.push(format!("unused      {}: {}", unused.join(", "), report::TARGET_CPU));
+    }
     let verdict = usable > 0 && missing.is_empty();
     lines.push(match LIBRARIES.into_iter().find(|(version, _)| *version == release.version) {
         Some((_, libraries)) => format!("to build    apt-get install {PACKAGES}   ({libraries})"),
-        None => "to build    on other systems: a C++ compiler, make, pkg-config, libclang, Embree 3.13 or 4.x, OpenImageIO 2.4 or 2.5".into(),
+        None => "to build    on other systems: a C++ compiler, make, pkg-config, libclang, Embree 3.13 or 4.x, \
+            OpenImageIO 2.4 or 2.5"
+            .into(),
     });
     lines.push(
         "            without the libraries: a C compiler (gcc libc6-dev) is still needed, because it links;".into(),
     );
-    lines.push("            then cargo build --release --no-default-features".into());
+    lines.push("            then cargo build --release --no-default-features --features cli".into());
     lines.push(format!("verdict     {}\n", if verdict { "ready to render" } else { "cannot render" }));
     print(&lines.join("\n"))?;
     Ok(if verdict { EXIT_OK } else { EXIT_UNUSABLE })
@@ -64,7 +71,7 @@ fn describe(built: std::result::Result<&BackendInfo, &Error>) -> String {
     }
 }
 
-/// Who reads images.
+/// The library that reads images.
 #[cfg(feature = "oiio")]
 fn images() -> String {
     match crate::texture::oiio::version() {
@@ -75,10 +82,10 @@ fn images() -> String {
     }
 }
 
-/// Who reads images.
+/// The library that reads images.
 #[cfg(not(feature = "oiio"))]
 fn images() -> String {
-    "PNG, JPEG, Radiance and OpenEXR by Rust crates; this build has no OpenImageIO, hence no texture cache".into()
+    "PNG, JPEG, WebP, Radiance and OpenEXR by Rust crates; this build has no OpenImageIO".into()
 }
 
 struct Release {

@@ -1,91 +1,23 @@
-//! `pathspace info`: what a scene holds and asks for, what will be simulated of it, what not and why. The plan is the one
-//! that `render` would run with the same environment and extra channels and no other flags; the backend is built, because the effective query modes are its to say.
+//! `pathspace info`: what a scene holds and asks for, what will be simulated of it, what not and why; what a picture
+//! takes, by a pilot of a second at most. The plan is the one that `render` would run with the same options; the
+//! backend is built, because the effective query modes are its to say.
 
-use std::fmt;
+use std::time::Duration;
 
 use serde::Serialize;
 
 use super::args::InfoArgs;
-use super::job::EnvironmentRequest;
-use super::report::Verbosity;
-use super::{EXIT_OK, job, print, to_json};
+use super::job::{self, Fallback};
+use super::output::{EXIT_OK, print, to_json};
+use super::report::{Verbosity, duration};
+use super::waiting::Waiting;
 use crate::backend::BackendInfo;
 use crate::error::Result;
-use crate::plan::{Bias, Effects, RenderPlan};
-use crate::render::{RenderOptions, Renderer};
+use crate::plain::one_line;
+use crate::plan::record::PlanRecord;
+use crate::render::{Need, RenderOptions, Renderer};
 use crate::scene::{Projection, Scene, Warning};
 use crate::stats::SceneStats;
-
-/// The plan as programs read it: in `info --json`, and as `pathspace/plan` in every EXR.
-#[derive(Clone, Debug, Serialize)]
-pub struct PlanRecord {
-    /// What the scene asks for, what runs, what does not and why.
-    pub effects: Effects,
-    /// Names of the stages that run, in order.
-    pub stages: Vec<&'static str>,
-    /// Effective query mode of each class of rays.
-    pub rays: RayModeRecord,
-    /// Paths of one wave.
-    pub wave: usize,
-    /// Known biases.
-    pub bias: Vec<Bias>,
-    /// Extra outputs, as the command line names them.
-    pub aovs: Vec<&'static str>,
-}
-
-/// Effective query modes.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct RayModeRecord {
-    /// Camera rays.
-    pub camera: &'static str,
-    /// Rays after a scattering.
-    pub bounce: &'static str,
-    /// Shadow rays.
-    pub shadow: &'static str,
-}
-
-impl PlanRecord {
-    /// Copies what is told of a plan and the backend that serves it.
-    pub fn of(plan: &RenderPlan, backend: &BackendInfo) -> Self {
-        PlanRecord {
-            effects: plan.effects.clone(),
-            stages: plan.stages.clone(),
-            rays: RayModeRecord {
-                camera: backend.rays_coherent,
-                bounce: backend.rays_incoherent,
-                shadow: backend.rays_shadow,
-            },
-            wave: plan.wave,
-            bias: plan.bias.clone(),
-            aovs: plan.aovs.iter().map(|aov| aov.name()).collect(),
-        }
-    }
-}
-
-impl fmt::Display for PlanRecord {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let list = |names: &[String]| if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
-        writeln!(f, "asks for    {}", list(&self.effects.found))?;
-        writeln!(f, "simulated   {}", list(&self.effects.simulated))?;
-        for ignored in &self.effects.ignored {
-            writeln!(f, "ignored     {}: {}", ignored.what, ignored.why)?;
-        }
-        writeln!(f, "stages      {}", self.stages.join(", "))?;
-        let rays = &self.rays;
-        writeln!(f, "rays        camera {}, bounce {}, shadow {}", rays.camera, rays.bounce, rays.shadow)?;
-        write!(f, "wave        {} paths", self.wave)?;
-        if !self.aovs.is_empty() {
-            write!(f, "\naov         {}", self.aovs.join(", "))?;
-        }
-        for bias in &self.bias {
-            write!(f, "\nbias        {}", bias.what)?;
-            if let Some(most) = bias.radiance_removed_at_most {
-                write!(f, ": takes at most {most:.2e} W/(sr m²) from any radiance")?;
-            }
-        }
-        Ok(())
-    }
-}
 
 /// What `info --json` prints.
 #[derive(Serialize)]
@@ -94,6 +26,7 @@ struct InfoRecord {
     #[serde(flatten)]
     plan: PlanRecord,
     warnings: Vec<String>,
+    memory: Need,
 }
 
 #[derive(Serialize)]
@@ -102,9 +35,13 @@ struct SceneRecord {
     counts: SceneStats,
     cameras: Vec<CameraRecord>,
     animations: Vec<AnimationRecord>,
+    scenes: Vec<String>,
+    variants: Vec<String>,
     resolution: [u32; 2],
     degenerate_triangles: usize,
     points_and_lines: usize,
+    /// Width, height and depth of what is placed, metres.
+    size_m: [f64; 3],
 }
 
 #[derive(Serialize)]
@@ -123,21 +60,25 @@ struct CameraRecord {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<u8> {
-    let scene = &job::load(&args.scene, EnvironmentRequest::of(&args.environment), args.textures, args.shutter)?;
-    let (width, height) = job::picture_size(None, None, scene, scene.cameras.first());
-    let aovs = args.aov.clone();
-    let options = RenderOptions { threads: job::default_threads(), aovs, ..RenderOptions::new(width, height) };
-    let renderer = Renderer::new(scene, options)?;
+    let waiting = Waiting::begin(Verbosity::Normal, "loading and building");
+    job::check(&args.settings)?;
+    let scene = &job::load(&args.scene, &args.settings, Fallback::White)?;
+    let options = job::settings(&args.settings, scene).aovs(args.aov.clone());
+    let resolution = [options.width, options.height];
+    let mut renderer = Renderer::new(scene, options.clone())?;
+    drop(waiting);
     let record = InfoRecord {
-        scene: scene_record(scene, [width, height]),
-        plan: PlanRecord::of(renderer.plan(), renderer.backend_info()),
+        scene: scene_record(scene, resolution),
+        plan: renderer.record(),
         warnings: scene.warnings.iter().map(warning_text).collect(),
+        memory: renderer.need().clone(),
     };
     if args.json {
         print(&to_json(&record))?;
     } else {
         Verbosity::Normal.warnings(&scene.warnings);
-        print(&text(&record, renderer.backend_info()))?;
+        let time = time_for(&mut renderer, options)?;
+        print(&text(&record, renderer.backend_info(), &time, args.verbose))?;
     }
     Ok(EXIT_OK)
 }
@@ -160,9 +101,12 @@ fn scene_record(scene: &Scene, resolution: [u32; 2]) -> SceneRecord {
                 end_s: animation.seconds.map(|(_, end)| end),
             })
             .collect(),
+        scenes: scene.scenes.clone(),
+        variants: scene.variants.clone(),
         resolution,
         degenerate_triangles: scene.dropped.degenerate_triangles,
         points_and_lines: scene.dropped.points_and_lines,
+        size_m: scene.bounds().map_or([0.0; 3], |(least, most)| (most - least).to_array()),
     }
 }
 
@@ -170,32 +114,93 @@ fn warning_text(warning: &Warning) -> String {
     format!("{}: {}", warning.place, warning.what)
 }
 
-fn text(record: &InfoRecord, backend: &BackendInfo) -> String {
+/// Noise that the time is stated for.
+const NOISE: f64 = 0.05;
+
+/// Pixels and time of the pilot.
+const PILOT_PIXELS: f64 = 4096.0;
+const PILOT_TIME: Duration = Duration::from_secs(1);
+
+/// What the picture of `options` takes to [`NOISE`], by a small one: noise at a number of samples hardly depends on the
+/// size.
+fn time_for(renderer: &mut Renderer, options: RenderOptions) -> Result<String> {
+    let pixels = renderer.plan().window;
+    let pixels = f64::from(pixels.width) * f64::from(pixels.height);
+    let scale = (PILOT_PIXELS / (f64::from(options.width) * f64::from(options.height))).sqrt().min(1.0);
+    let side = |length: u32| (f64::from(length) * scale).ceil() as u32;
+    let small = options.clone().size(side(options.width), side(options.height));
+    renderer.retarget(&RenderOptions { crop: None, aovs: Vec::new(), ..small }.spp(16).time(PILOT_TIME))?;
+    let render = renderer.render()?;
+    let error = render.film.error_estimate().filter(|error| error.relmse.is_finite() && error.relmse > 0.0);
+    let samples = render.film.spp().mean;
+    let Some(error) = error.filter(|_| samples >= 2.0) else { return Ok("not known: the pilot saw no noise".into()) };
+    let spp = (samples * error.relmse / (NOISE * NOISE)).ceil().max(1.0);
+    let paths = samples * render.film.pixels.len() as f64;
+    let seconds = spp * pixels * render.render_time.as_secs_f64() / paths;
+    let threads = renderer.plan().threads;
+    let noise = 100.0 * NOISE;
+    Ok(format!("about {} to {noise:.0} % of noise, {spp:.0} spp, on {threads} threads", duration(seconds)))
+}
+
+fn text(record: &InfoRecord, backend: &BackendInfo, time: &str, verbose: bool) -> String {
     let scene = &record.scene;
     let counts = &scene.counts;
     let [width, height] = scene.resolution;
-    let cameras: Vec<String> = scene.cameras.iter().map(|c| format!("'{}' ({})", c.name, c.kind)).collect();
+    let cameras: Vec<String> = scene.cameras.iter().map(|c| format!("'{}' ({})", one_line(&c.name), c.kind)).collect();
     let mut lines = vec![
         format!("scene       {}", counts.file),
-        format!(
-            "holds       {} triangles in {} instances, {} materials, {} lights, {} textures",
-            counts.triangles, counts.instances, counts.materials, counts.lights, counts.textures
-        ),
+        format!("size        {}", size(scene.size_m)),
         format!("cameras     {}", cameras.join(", ")),
         format!("picture     {width}x{height} pixels unless told otherwise"),
     ];
     if !scene.animations.is_empty() {
         let span = |a: &AnimationRecord| match a.start_s.zip(a.end_s) {
-            Some((start, end)) => format!("{} ({start} s to {end} s)", a.name),
-            None => a.name.clone(),
+            Some((start, end)) => format!("{} ({start} s to {end} s)", one_line(&a.name)),
+            None => one_line(&a.name),
         };
         lines.push(format!("animations  {}", scene.animations.iter().map(span).collect::<Vec<_>>().join(", ")));
+    }
+    let named = |names: &[String]| {
+        let name = |(index, name): (usize, &String)| format!("{index} '{}'", one_line(name));
+        names.iter().enumerate().map(name).collect::<Vec<_>>().join(", ")
+    };
+    if scene.scenes.len() > 1 {
+        lines.push(format!("scenes      {}", named(&scene.scenes)));
+    }
+    if !scene.variants.is_empty() {
+        lines.push(format!("variants    {}", named(&scene.variants)));
     }
     let dropped = [(scene.degenerate_triangles, "degenerate triangles"), (scene.points_and_lines, "points and lines")];
     for (n, what) in dropped.into_iter().filter(|(n, _)| *n > 0) {
         lines.push(format!("left out    {n} {what}"));
     }
-    lines.push(record.plan.to_string());
-    lines.push(format!("backend     {} {} ({})\n", backend.kind.name(), backend.version, backend.isa));
-    lines.join("\n")
+    lines.push(format!(
+        "holds       {} triangles in {} instances, {} materials, {} lights, {} textures",
+        counts.triangles, counts.instances, counts.materials, counts.lights, counts.textures
+    ));
+    lines.push(format!("time        {time}"));
+    if verbose {
+        lines.push(record.memory.to_string());
+        lines.push(record.plan.to_string());
+        lines.push(format!("backend     {} {} ({})", backend.kind.name(), backend.version, backend.isa));
+    } else {
+        lines.push(format!("memory      {} MB at most", record.memory.total_bytes.div_ceil(1 << 20)));
+        let effects = &record.plan.effects;
+        lines.push(format!("simulated   {}", effects.simulated.join(", ")));
+        lines.extend(effects.ignored.iter().map(|ignored| format!("ignored     {}: {}", ignored.what, ignored.why)));
+    }
+    lines.join("\n") + "\n"
+}
+
+/// Width, height and depth: "1.20 × 0.50 × 3.00 m".
+fn size([x, y, z]: [f64; 3]) -> String {
+    let most = x.max(y).max(z);
+    let (scale, unit) = match most {
+        m if m < 0.01 => (1e3, "mm"),
+        m if m < 1.0 => (1e2, "cm"),
+        m if m < 10_000.0 => (1.0, "m"),
+        _ => (1e-3, "km"),
+    };
+    let [x, y, z] = [x, y, z].map(|side| format!("{:.2}", side * scale));
+    format!("{x} × {y} × {z} {unit} (width, height, depth)")
 }

@@ -1,39 +1,32 @@
-//! From arguments to a job: outputs are checked before any work, the scene is loaded, and what depends on the scene (size,
-//! camera, environment) is settled. Ranges that the plan checks are left to the plan.
+//! From arguments to the library's options: outputs are checked before any work, names become values, the scene is
+//! loaded. Ranges that the plan checks are left to the plan.
 
 use std::ffi::OsStr;
+use std::io::{IsTerminal, Read};
 use std::path::{Path, PathBuf};
-
-use glam::Vec3;
+use std::time::Duration;
 
 use super::args::{
-    EnvironmentArgs, MissingTextureName, Rays, RenderArgs, SamplerName, SettingsArgs, StrategyName, Switch,
-    TextureArgs, TextureFilterName,
+    ContentArgs, EnvironmentArgs, FileArgs, ImageFormatsName, MissingTextureName, ProgressKind, Rays, RenderArgs,
+    SamplerName, SettingsArgs, StrategyName, Switch, TextureArgs, TextureFilterName,
 };
-use crate::backend::BackendKind;
+use super::{frames, quick};
+use crate::backend::QueryMode;
+use crate::backend::select::{self, Pins};
 use crate::error::{Error, Result};
-use crate::film::Pixel;
-use crate::film::aov::{Aov, FirstHit, channel_count};
 use crate::film::atomic::check_writable;
-use crate::film::lengths::LENGTHS;
-use crate::plan::Gate;
+use crate::film::look::Format;
 use crate::plan::options::ROULETTE_START;
+use crate::plan::{Aov, Gate};
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter};
 use crate::sampler::SamplerKind;
-use crate::scene::{Budget, Camera, Environment, LoadOptions, MissingTexture, Projection, Scene, Shutter, Warning};
+use crate::scene::{Budget, Decoder, Environment, EnvironmentFile, LoadOptions, MissingTexture, Scene};
 
-/// Columns of a picture for which neither the command line nor the scene names a size.
-const DEFAULT_WIDTH: u32 = 1280;
+/// A name that stands for stdin or stdout.
+pub const STREAM: &str = "-";
 
-/// Pixels of the largest window that is rendered; what `compare` reads.
-const MOST_PIXELS: u64 = 1 << 28;
-
-/// Bytes of a pixel outside the film without extra channels: its place in a tile, and four channels of f32 while an EXR
-/// is written.
-const PIXEL_OVERHEAD: u64 = 8 + 4 * 4;
-
-/// Aspect of a picture for which nothing names one.
-const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
+/// The environment that is built in.
+const STUDIO: &str = "studio";
 
 /// Files to be written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -41,11 +34,17 @@ pub struct Outputs {
     /// The EXR.
     pub exr: Option<PathBuf>,
     /// Previews.
-    pub pngs: Vec<PathBuf>,
-    /// Statistics.
+    pub previews: Vec<PathBuf>,
+    /// Whether a preview goes to stdout, as PNG.
+    pub stdout: bool,
+    /// Statistics; [`STREAM`] is stdout.
     pub stats: Option<PathBuf>,
     /// The error against a reference, pass by pass.
     pub error_log: Option<PathBuf>,
+    /// The state of the render: how often, and where.
+    pub checkpoint: Option<(Duration, PathBuf)>,
+    /// The preview of the render while it runs.
+    pub preview: Option<PathBuf>,
 }
 
 impl Outputs {
@@ -55,33 +54,84 @@ impl Outputs {
     /// [`Error::Option`] for names of a wrong kind, for a file that is named twice or is also read, and for options
     /// without effect; [`Error::Io`] for a folder that is missing or not writable.
     pub fn check(args: &RenderArgs) -> Result<Self> {
-        let (stats, error_log) = (args.stats.clone(), args.error_log.clone());
-        let mut outputs = Outputs { stats, error_log, ..Outputs::default() };
-        let Some(output) = &args.output else { return refuse("--output", "a picture to write is missing".into()) };
-        match extension(output).as_deref() {
-            Some("exr") => outputs.exr = Some(output.clone()),
-            Some("png") => outputs.pngs.push(output.clone()),
-            _ => return refuse("--output", format!("{}: the name must end in .exr or .png", output.display())),
-        }
-        if let Some(png) = &args.png {
-            if extension(png).as_deref() != Some("png") {
-                return refuse("--png", format!("{}: the name must end in .png", png.display()));
+        let stats = args.stats.clone().map(|path| if is_stdout(&path) { STREAM.into() } else { path });
+        let (error_log, preview) = (args.error_log.clone(), args.live.preview.clone());
+        let mut outputs = Outputs { stats, error_log, preview, ..Outputs::default() };
+        match &args.output {
+            Some(output) if is_stdout(output) => outputs.stdout = true,
+            Some(output) => match extension(output).as_deref() {
+                Some("exr") => outputs.exr = Some(output.clone()),
+                Some("png" | "jpg" | "jpeg") => outputs.previews.push(output.clone()),
+                _ => {
+                    return refuse(
+                        "--output",
+                        format!("{}: the name must end in .exr, .png or .jpg", output.display()),
+                    );
+                }
+            },
+            None if args.png.is_some() || args.look.jpg.is_some() => {}
+            // A part of a picture need not be one.
+            None if args.production.sample_range.is_some() => {}
+            // GLB in, PNG out.
+            None if args.quick && args.scene.as_os_str() == STREAM => outputs.stdout = true,
+            None => {
+                let scene = scene_file(&args.scene)?;
+                let stem = scene.file_stem().filter(|stem| *stem != STREAM).unwrap_or(OsStr::new("scene"));
+                let named = |ending: &str| {
+                    let mut name = stem.to_owned();
+                    name.push(ending);
+                    PathBuf::from(name)
+                };
+                outputs.exr = Some(named(".exr"));
+                if args.quick {
+                    outputs.previews.push(named(".png"));
+                }
             }
-            outputs.pngs.push(png.clone());
         }
-        if outputs.exr.is_none() && !args.aov.is_empty() {
+        let named = [("--png", &args.png, &["png"][..], ".png"), ("--jpg", &args.look.jpg, &["jpg", "jpeg"], ".jpg")];
+        for (option, path, endings, ending) in named {
+            let Some(path) = path else { continue };
+            if !extension(path).is_some_and(|found| endings.contains(&found.as_str())) {
+                return refuse(option, format!("{}: the name must end in {ending}", path.display()));
+            }
+            outputs.previews.push(path.clone());
+        }
+        let picture = outputs.exr.as_deref().or(outputs.previews.first().map(PathBuf::as_path));
+        outputs.checkpoint = args.production.checkpoint(picture)?;
+        if outputs.exr.is_none() && outputs.checkpoint.is_none() && !args.aov.is_empty() {
             return refuse("--aov", "extra channels need an output that ends in .exr".into());
         }
         if outputs.exr.is_none() && args.half {
             return refuse("--half", "it applies to OpenEXR only: the output must end in .exr".into());
         }
+        if outputs.exr.is_none() && args.reproducible {
+            return refuse("--reproducible", "it applies to OpenEXR only: the output must end in .exr".into());
+        }
         if let Some(aov) = args.aov.iter().enumerate().find_map(|(i, aov)| args.aov[..i].contains(aov).then_some(aov)) {
             return refuse("--aov", format!("'{}' is named twice", aov.name()));
         }
-        if outputs.pngs.is_empty() && args.exposure != 0.0 {
-            return refuse("--exposure", "it applies to PNG previews only: add --png FILE.png".into());
+        if let Some(preview) = outputs.preview.as_ref().filter(|path| Format::of(path).is_none()) {
+            return refuse("--preview", format!("{}: the name must end in .png or .jpg", preview.display()));
         }
-        if let Some(stats) = &outputs.stats
+        if args.look.transparent
+            && let Some(jpg) =
+                outputs.previews.iter().chain(&outputs.preview).find(|path| Format::of(path) == Some(Format::Jpeg))
+        {
+            let problem = format!("{}: JPEG has no transparency; write a PNG, or name a --background", jpg.display());
+            return refuse("--transparent", problem);
+        }
+        if outputs.stdout && std::io::stdout().is_terminal() {
+            return refuse("--output", "stdout is a terminal, and a PNG is not for reading; redirect it".into());
+        }
+        let to_stdout = [
+            outputs.stdout,
+            outputs.stats.as_deref() == Some(Path::new(STREAM)),
+            matches!(args.progress, ProgressKind::Ndjson | ProgressKind::Openjd),
+        ];
+        if to_stdout.into_iter().filter(|used| *used).count() > 1 {
+            return refuse("--output", "only one of picture, --stats and --progress ndjson fits on stdout".into());
+        }
+        if let Some(stats) = outputs.stats.as_deref().filter(|path| *path != Path::new(STREAM))
             && extension(stats).as_deref() != Some("json")
         {
             return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
@@ -91,29 +141,123 @@ impl Outputs {
         {
             return refuse("--error-log", format!("{}: the name must end in .csv", log.display()));
         }
-        outputs.check_files([Some(&args.scene), args.settings.environment.env.as_ref(), args.reference.as_ref()])?;
+        if args.sequence.is_on() && (outputs.stdout || outputs.stats.as_deref() == Some(Path::new(STREAM))) {
+            return refuse("--frames", "pictures and statistics of several frames do not fit on stdout".into());
+        }
+        outputs.check_files(
+            [Some(&args.scene), args.settings.environment.env.as_ref(), args.reference.as_ref()],
+            (args.make_path, args.sequence.is_on()),
+        )?;
         Ok(outputs)
     }
 
-    /// Each output can be written and is another file than the others and than the `inputs`.
-    fn check_files(&self, inputs: [Option<&PathBuf>; 3]) -> Result<()> {
-        let inputs: Vec<PathBuf> = inputs.into_iter().flatten().filter_map(|path| path.canonicalize().ok()).collect();
-        let mut places: Vec<PathBuf> = Vec::new();
-        let pictures = self.exr.iter().chain(&self.pngs).map(|path| ("--output", path));
-        let records = self.stats.iter().map(|path| ("--stats", path));
-        let records = records.chain(self.error_log.iter().map(|path| ("--error-log", path)));
-        for (option, path) in pictures.chain(records) {
-            check_writable(path)?;
+    /// Whether previews are made.
+    pub fn has_previews(&self) -> bool {
+        self.stdout || !self.previews.is_empty() || self.preview.is_some()
+    }
+
+    /// The files with the options that name them.
+    fn files(&self) -> impl Iterator<Item = (&'static str, &PathBuf)> {
+        let pictures = self.exr.iter().chain(&self.previews).map(|path| ("--output", path));
+        let stats = self.stats.iter().filter(|path| *path != Path::new(STREAM)).map(|path| ("--stats", path));
+        let pictures = pictures.chain(self.preview.iter().map(|path| ("--preview", path)));
+        let records = stats.chain(self.error_log.iter().map(|path| ("--error-log", path)));
+        pictures.chain(records).chain(self.checkpoint.iter().map(|(_, path)| ("--checkpoint", path)))
+    }
+
+    /// Those of one frame, of `several`.
+    pub fn of_frame(&self, frame: u32, several: bool) -> Outputs {
+        let file = |path: &PathBuf| frames::file(path, frame, several);
+        Outputs {
+            exr: self.exr.as_ref().map(file),
+            previews: self.previews.iter().map(file).collect(),
+            stdout: self.stdout,
+            stats: self.stats.as_ref().map(file),
+            error_log: self.error_log.as_ref().map(file),
+            preview: self.preview.clone(),
+            checkpoint: self.checkpoint.as_ref().map(|(every, path)| (*every, file(path))),
+        }
+    }
+
+    /// Whether the pictures and the statistics are all there.
+    pub fn exist(&self) -> bool {
+        self.exr.iter().chain(&self.previews).chain(&self.stats).all(|path| path.is_file())
+    }
+
+    /// The scene's own files, known once it is loaded, are none of the outputs.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming the file.
+    pub fn spare(&self, inputs: &[PathBuf]) -> Result<()> {
+        for (option, path) in self.files() {
             if path.canonicalize().is_ok_and(|file| inputs.contains(&file)) {
                 return refuse(option, format!("{} is also read by this render", path.display()));
             }
+        }
+        Ok(())
+    }
+
+    /// Each output can be written and is another file than the others and than the `inputs`.
+    fn check_files(&self, inputs: [Option<&PathBuf>; 3], (make_path, frames): (bool, bool)) -> Result<()> {
+        let inputs: Vec<PathBuf> = inputs.into_iter().flatten().filter_map(|path| path.canonicalize().ok()).collect();
+        let mut places: Vec<PathBuf> = Vec::new();
+        for (option, path) in self.files() {
+            if frames::is_pattern(path) && !frames {
+                let name = path.display();
+                return refuse(
+                    option,
+                    format!("{name} is a pattern of many names, and this is one picture; name it, or give --frames"),
+                );
+            }
+            folder_of(path, make_path)?;
+            check_writable(path)?;
             let place = place(path);
             if places.contains(&place) {
                 return refuse(option, format!("{} is named as two outputs", path.display()));
             }
             places.push(place);
         }
-        Ok(())
+        self.spare(&inputs)
+    }
+}
+
+/// Whether a path means stdout.
+fn is_stdout(path: &Path) -> bool {
+    [STREAM, "/dev/stdout"].iter().any(|name| path == Path::new(name))
+}
+
+/// Makes the folder of an output, or says what would.
+fn folder_of(path: &Path, make_path: bool) -> Result<()> {
+    let folder = path.parent().filter(|folder| *folder != Path::new("") && !folder.exists());
+    let Some(folder) = folder else { return Ok(()) };
+    if make_path {
+        return std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "make", source));
+    }
+    let problem = format!("folder {} does not exist; --make-path makes it", folder.display());
+    Err(Error::io(path, "write", std::io::Error::new(std::io::ErrorKind::NotFound, problem)))
+}
+
+/// The scene that a path means: itself, or the only one in the folder that it names.
+///
+/// # Errors
+/// [`Error::Option`] for a folder with none or several, [`Error::Io`] for one that cannot be read.
+pub fn scene_file(path: &Path) -> Result<PathBuf> {
+    if path == Path::new(STREAM) || !path.is_dir() {
+        return Ok(path.into());
+    }
+    let entries = std::fs::read_dir(path).map_err(|source| Error::io(path, "read", source))?;
+    let is_scene = |file: &PathBuf| matches!(extension(file).as_deref(), Some("gltf" | "glb")) && file.is_file();
+    let mut scenes: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_scene).collect();
+    scenes.sort();
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    match scenes.len() {
+        1 => Ok(scenes.remove(0)),
+        0 => refuse("SCENE", format!("{} is a folder without .gltf and .glb in it", path.display())),
+        n => {
+            let first = scenes.iter().take(3).map(name).collect::<Vec<_>>().join(", ");
+            let more = if n > 3 { ", …" } else { "" };
+            refuse("SCENE", format!("{} is a folder with {n} scenes; name one: {first}{more}", path.display()))
+        }
     }
 }
 
@@ -130,17 +274,9 @@ fn place(path: &Path) -> PathBuf {
 /// # Errors
 /// [`Error::Option`] naming the option.
 pub fn check(args: &SettingsArgs) -> Result<()> {
-    let backend = args.backend.unwrap_or(BackendKind::available()[0]);
-    if let Some(isa) = args.isa.as_deref().filter(|isa| !backend.pins(isa)) {
-        let name = backend.name();
-        return refuse(
-            "--isa",
-            format!("backend '{name}' has no {isa} to pin; 'embree' has all, 'obvhs' and 'flat+obvhs' avx2 and avx512"),
-        );
-    }
-    if args.robust == Switch::Off && backend != BackendKind::Embree {
-        let name = backend.name();
-        return refuse("--robust", format!("backend '{name}' is always robust; only 'embree' can do without"));
+    // The plan's rule, early where it takes no scene.
+    if let Some(backend) = args.backend {
+        select::check(backend, pins(args))?;
     }
     if args.roulette == Switch::Off && args.roulette_start != ROULETTE_START {
         return refuse("--roulette-start", "it has no effect with --roulette off".into());
@@ -148,120 +284,186 @@ pub fn check(args: &SettingsArgs) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a window whose film does not fit: the alternative is a process that the system ends.
+/// What the backend is held to.
+fn pins(args: &SettingsArgs) -> Pins<'_> {
+    Pins { rays: query_mode(args.rays), isa: args.isa.as_deref(), robust: args.robust == Switch::On }
+}
+
+fn query_mode(rays: Rays) -> Option<QueryMode> {
+    match rays {
+        Rays::Auto => None,
+        Rays::Mode(mode) => Some(mode),
+    }
+}
+
+/// Loads a scene as `settings` say, and puts its camera where they say.
 ///
 /// # Errors
-/// [`Error::Option`] with the numbers.
-pub fn check_memory(options: &RenderOptions) -> Result<()> {
-    let (width, height) = options.crop.map_or((options.width, options.height), |crop| (crop.width, crop.height));
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels > MOST_PIXELS {
-        return refuse("--width", format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
-    }
-    let bytes = pixels * (size_of::<Pixel>() as u64 + PIXEL_OVERHEAD + aov_bytes(options));
-    if let Some(available) = available_memory().filter(|available| bytes > *available) {
-        let (needed, available) = (bytes >> 20, available >> 20);
-        let problem = format!("{width}x{height} pixels need {needed} MiB, {available} MiB are available (use --crop)");
-        return refuse("--width", problem);
-    }
-    Ok(())
-}
-
-/// Bytes that the extra outputs take for each pixel: what is gathered, and their channels, twice while they are written.
-fn aov_bytes(options: &RenderOptions) -> u64 {
-    let channels: usize = options.aovs.iter().map(|&aov| channel_count(aov, options.max_depth)).sum();
-    let lengths = if options.aovs.contains(&Aov::Bounces) { LENGTHS * size_of::<[f64; 3]>() + 8 } else { 0 };
-    let first_hit = if options.aovs.iter().any(|aov| aov.is_of_first_hit()) { size_of::<FirstHit>() } else { 0 };
-    (2 * channels * size_of::<f32>() + lengths + first_hit) as u64
-}
-
-/// `--env` and what goes with it.
-#[derive(Clone, Copy, Debug)]
-pub struct EnvironmentRequest<'a> {
-    /// The image.
-    pub path: &'a Path,
-    /// Counter-clockwise seen from above, degrees.
-    pub rotation_deg: f32,
-    /// Factor on the radiance.
-    pub intensity: f32,
-}
-
-impl<'a> EnvironmentRequest<'a> {
-    /// What the arguments ask for, if anything.
-    pub fn of(args: &'a EnvironmentArgs) -> Option<Self> {
-        args.env.as_deref().map(|path| EnvironmentRequest {
-            path,
-            rotation_deg: args.env_rotation,
-            intensity: args.env_intensity,
-        })
-    }
-}
-
-/// Loads a scene, posed by the shutter if there is one, and its environment. A scene without any light gets a constant white one, and a warning.
-pub fn load(
-    path: &Path,
-    environment: Option<EnvironmentRequest>,
-    textures: TextureArgs,
-    shutter: Option<Shutter>,
-) -> Result<Scene> {
-    let mut scene = Scene::load_with(path, &load_options(textures, shutter))?;
-    if let Some(request) = environment {
-        scene.load_environment(request.path, request.rotation_deg.to_radians(), request.intensity)?;
-    } else if !has_light(&scene) {
-        scene.environment = Some(Environment::constant(Vec3::ONE));
-        scene.warnings.push(Warning {
-            place: path.display().to_string(),
-            what: "no light of any kind: lit by a constant white environment of radiance 1".into(),
-        });
-    }
+/// As [`Scene::load_with`], and [`ViewArgs::apply`](super::looks::ViewArgs::apply).
+pub fn load(path: &Path, settings: &SettingsArgs, fallback: Fallback) -> Result<Scene> {
+    let mut scene =
+        load_from(path, &settings.content, &settings.environment, settings.files, settings.textures, fallback)?;
+    look_from(settings, &mut scene)?;
     Ok(scene)
 }
 
-fn load_options(args: TextureArgs, shutter: Option<Shutter>) -> LoadOptions {
-    LoadOptions {
-        shutter,
-        texture_budget: Budget { bytes: args.texture_memory << 20, ..Budget::default() },
-        missing_texture: match args.missing_texture {
-            MissingTextureName::Error => MissingTexture::Error,
-            MissingTextureName::Magenta => MissingTexture::Magenta,
-        },
+/// Puts the camera where `settings` say.
+///
+/// # Errors
+/// As [`ViewArgs::apply`](super::looks::ViewArgs::apply).
+pub fn look_from(settings: &SettingsArgs, scene: &mut Scene) -> Result<()> {
+    let choice = camera(settings, scene);
+    settings.view.apply(scene, &choice, sides(settings))
+}
+
+/// Columns and rows that were asked for.
+fn sides(settings: &SettingsArgs) -> (Option<u32>, Option<u32>) {
+    let size = settings.view.size;
+    (size.map(|size| size.0).or(settings.width), size.map(|size| size.1).or(settings.height))
+}
+
+fn camera(settings: &SettingsArgs, scene: &Scene) -> CameraChoice {
+    settings.camera.as_deref().map_or(CameraChoice::First, |text| CameraChoice::named(text, scene))
+}
+
+/// What lights a scene that states no light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fallback {
+    /// White from everywhere, with a warning.
+    White,
+    /// The studio.
+    Studio,
+}
+
+impl Fallback {
+    /// That of `render`.
+    pub fn of(args: &RenderArgs) -> Self {
+        if args.quick { Fallback::Studio } else { Fallback::White }
     }
 }
 
-/// Whether anything in the scene shines: an emissive surface that is placed, a punctual light, an environment.
-pub fn has_light(scene: &Scene) -> bool {
-    let emits = |instance: &crate::scene::Instance| {
-        let mesh = &scene.meshes[instance.mesh.index()];
-        scene.materials.get(mesh.material.index()).is_some_and(|material| material.is_emissive())
+/// Loads a scene as the parts of settings say that loading reads.
+///
+/// # Errors
+/// As [`Scene::load_with`].
+pub fn load_from(
+    path: &Path,
+    content: &ContentArgs,
+    environment: &EnvironmentArgs,
+    files: FileArgs,
+    textures: TextureArgs,
+    fallback: Fallback,
+) -> Result<Scene> {
+    let shutter = content.at.or(content.shutter);
+    if content.animation.is_some() && shutter.is_none() {
+        return refuse("--animation", "it runs at a time: add --at SECONDS or --shutter OPEN,CLOSE".into());
+    }
+    let options = load_options(content, environment, files, textures, fallback)?.shutter(shutter);
+    let path = scene_file(path)?;
+    let mut scene = match path.as_os_str() == STREAM {
+        true => Scene::from_bytes(stdin()?, &path, &options)?,
+        false => Scene::load_with(path, &options)?,
     };
-    scene.environment.is_some()
-        || scene.punctual.iter().any(|light| light.intensity.max_element() > 0.0)
-        || scene.instances.iter().any(emits)
+    light(&mut scene, environment, fallback);
+    Ok(scene)
+}
+
+/// Lights a loaded scene by the studio, where that is asked for or falls back on.
+pub fn light(scene: &mut Scene, environment: &EnvironmentArgs, fallback: Fallback) {
+    let (rotation_rad, intensity) = (environment.env_rotation.to_radians(), environment.env_intensity);
+    let studio = environment.env.as_deref() == Some(Path::new(STUDIO));
+    if studio || (fallback == Fallback::Studio && !scene.has_light()) {
+        scene.environment = Some(Environment { rotation_rad, intensity, ..Environment::studio() });
+    }
+}
+
+/// The file of the environment, unless it is built in.
+pub fn environment_file(environment: &EnvironmentArgs) -> Option<PathBuf> {
+    environment.env.clone().filter(|env| env != Path::new(STUDIO))
+}
+
+/// How a scene is loaded under these settings, but for the shutter.
+///
+/// # Errors
+/// [`Error::Option`] for an environment that is a scene.
+pub fn load_options(
+    content: &ContentArgs,
+    environment: &EnvironmentArgs,
+    files: FileArgs,
+    textures: TextureArgs,
+    fallback: Fallback,
+) -> Result<LoadOptions> {
+    let rotation_rad = environment.env_rotation.to_radians();
+    let intensity = environment.env_intensity;
+    let studio = environment.env.as_deref() == Some(Path::new(STUDIO));
+    if let Some(env) = &environment.env
+        && matches!(extension(env).as_deref(), Some("gltf" | "glb"))
+    {
+        let problem = format!("{} is a scene; an environment is an image, .exr or .hdr, or studio", env.display());
+        return refuse("--env", problem);
+    }
+    let file = environment_file(environment);
+    let missing_texture = match textures.missing_texture {
+        MissingTextureName::Error => MissingTexture::Error,
+        MissingTextureName::Magenta => MissingTexture::Magenta,
+    };
+    let decoder = match textures.image_formats {
+        ImageFormatsName::Known => Decoder::Default,
+        ImageFormatsName::All => Decoder::Any,
+    };
+    Ok(LoadOptions::default()
+        .environment(file.map(|path| EnvironmentFile { path, rotation_rad, intensity }))
+        .fallback_light(!studio && fallback == Fallback::White)
+        .allow_outside(files.allow_outside)
+        .allow_missing_extensions(files.allow_missing_extensions)
+        .scene(content.scene_of_file.clone())
+        .variant(content.variant.clone())
+        .animation(content.animation.clone())
+        .texture_budget(Budget { bytes: textures.texture_memory << 20, decoder })
+        .missing_texture(missing_texture))
+}
+
+/// All of stdin.
+fn stdin() -> Result<Vec<u8>> {
+    let mut input = std::io::stdin().lock();
+    if input.is_terminal() {
+        return refuse(
+            "SCENE",
+            "- reads a .glb from stdin, which is a terminal: pathspace render - < scene.glb".into(),
+        );
+    }
+    let mut bytes = Vec::new();
+    input.read_to_end(&mut bytes).map_err(|source| Error::io("stdin", "read", source))?;
+    Ok(bytes)
 }
 
 /// Options of the render, settled against the scene.
 pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
-    RenderOptions {
+    let options = RenderOptions {
         spp: args.spp,
         time: args.time,
         error: args.error,
         min_spp: args.min_spp,
-        aovs: args.aov.clone(),
+        aovs: layers(args),
         ..settings(&args.settings, scene)
-    }
+    };
+    if args.quick { quick::options(args, options) } else { options }
+}
+
+/// Layers that the film gathers: those asked for, and what previews need.
+fn layers(args: &RenderArgs) -> Vec<Aov> {
+    let more = args.look.layers().iter().filter(|aov| !args.aov.contains(aov));
+    args.aov.iter().chain(more).copied().collect()
 }
 
 /// What does not limit the render, settled against the scene.
 pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
-    let camera = camera_choice(args.camera.as_deref(), scene);
-    let size = picture_size(args.width, args.height, scene, camera_of(scene, &camera));
+    let (camera, (width, height)) = (camera(args, scene), sides(args));
     RenderOptions {
-        width: size.0,
-        height: size.1,
         crop: args.crop,
-        camera,
         seed: args.seed,
-        threads: args.threads.map_or_else(default_threads, |n| n as usize),
+        threads: args.threads.map_or(0, |n| n as usize),
+        fog: args.fog,
         lens: args.aperture_radius.zip(args.focus_distance).map(|(radius_m, focus_m)| Lens { radius_m, focus_m }),
         filter: args.filter,
         max_depth: args.max_depth,
@@ -271,10 +473,10 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
         },
         roulette_start: args.roulette_start,
         strategy: match args.strategy {
-            StrategyName::Mis => Strategy::MisPower,
-            StrategyName::MisBalance => Strategy::MisBalance,
-            StrategyName::Bsdf => Strategy::BsdfOnly,
-            StrategyName::Light => Strategy::LightOnly,
+            StrategyName::Mis => Strategy::MIS,
+            StrategyName::MisBalance => Strategy::MIS_BALANCE,
+            StrategyName::Bsdf => Strategy::BSDF,
+            StrategyName::Light => Strategy::LIGHT,
         },
         sampler: match args.sampler {
             SamplerName::Sobol => SamplerKind::Sobol,
@@ -285,69 +487,12 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
             TextureFilterName::Trilinear => TextureFilter::Trilinear,
         },
         backend: args.backend,
-        rays: match args.rays {
-            Rays::Auto => None,
-            Rays::Mode(mode) => Some(mode),
-        },
+        rays: query_mode(args.rays),
         isa: args.isa.clone(),
         forced: if args.no_plan { Gate::ALL.to_vec() } else { Vec::new() },
         robust: args.robust == Switch::On,
-        ..RenderOptions::default()
+        ..RenderOptions::default().camera(camera).sized_for(scene, width, height)
     }
-}
-
-/// A camera by name, else by index, else the first. Whether it exists is for the plan to say.
-fn camera_choice(text: Option<&str>, scene: &Scene) -> CameraChoice {
-    match text {
-        None => CameraChoice::First,
-        Some(name) if scene.cameras.iter().any(|camera| camera.name == name) => CameraChoice::Name(name.into()),
-        Some(text) => text.parse().map_or_else(|_| CameraChoice::Name(text.into()), CameraChoice::Index),
-    }
-}
-
-/// The camera that a choice means, if the scene has it.
-fn camera_of<'a>(scene: &'a Scene, choice: &CameraChoice) -> Option<&'a Camera> {
-    match choice {
-        CameraChoice::First => scene.cameras.first(),
-        CameraChoice::Index(index) => scene.cameras.get(*index),
-        CameraChoice::Name(name) => scene.cameras.iter().find(|camera| camera.name == *name),
-    }
-}
-
-/// Columns and rows: as asked, as the scene suggests, else 1280 columns of the camera's aspect. One side alone takes the
-/// other from the aspect of the suggestion or of the camera.
-pub fn picture_size(width: Option<u32>, height: Option<u32>, scene: &Scene, camera: Option<&Camera>) -> (u32, u32) {
-    let authored = camera.and_then(|camera| match camera.projection {
-        Projection::Perspective { aspect, .. } => aspect.map(f64::from),
-        Projection::Orthographic { xmag_m, ymag_m } => Some(f64::from(xmag_m) / f64::from(ymag_m)),
-    });
-    let suggested = scene.suggested_size.map(|(width, height)| f64::from(width) / f64::from(height));
-    let aspect = suggested.or(authored).filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
-    let side = |length: f64| length.round().clamp(1.0, f64::from(u32::MAX)) as u32;
-    match (width, height, scene.suggested_size) {
-        (Some(width), Some(height), _) => (width, height),
-        (Some(width), None, _) => (width, side(f64::from(width) / aspect)),
-        (None, Some(height), _) => (side(f64::from(height) * aspect), height),
-        (None, None, Some(size)) => size,
-        (None, None, None) => (DEFAULT_WIDTH, side(f64::from(DEFAULT_WIDTH) / aspect)),
-    }
-}
-
-/// Threads that the process may use: the affinity mask and cgroup quota, and no more than Slurm grants the task.
-pub fn default_threads() -> usize {
-    let available = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let granted = std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok());
-    granted.map_or(available, |granted| available.min(granted.max(1)))
-}
-
-/// Bytes that the process may still take: what Linux calls available, within the limit of the control group; `None`
-/// where the system does not say. An allocation that succeeds says nothing, because Linux promises more than it has.
-fn available_memory() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|max| max.trim().parse().ok());
-    Some(kib.saturating_mul(1024).min(limit.unwrap_or(u64::MAX)))
 }
 
 fn extension(path: &Path) -> Option<String> {
@@ -361,42 +506,6 @@ fn refuse<T>(option: &'static str, problem: String) -> Result<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Affine3A;
-
-    fn camera(name: &str, aspect: Option<f32>) -> Camera {
-        Camera {
-            name: name.into(),
-            world_from_camera: Affine3A::IDENTITY,
-            projection: Projection::Perspective { yfov_rad: 1.0, aspect },
-        }
-    }
-
-    #[test]
-    fn sizes_follow_request_then_suggestion_then_aspect() {
-        let wide = camera("wide", Some(2.0));
-        let mut scene = Scene::default();
-        assert_eq!(picture_size(None, None, &scene, Some(&wide)), (1280, 640));
-        assert_eq!(picture_size(Some(100), None, &scene, Some(&wide)), (100, 50));
-        assert_eq!(picture_size(None, Some(100), &scene, Some(&wide)), (200, 100));
-        assert_eq!(picture_size(Some(7), Some(9), &scene, Some(&wide)), (7, 9));
-        assert_eq!(picture_size(None, None, &scene, Some(&camera("any", None))), (1280, 720));
-        assert_eq!(picture_size(Some(1), None, &scene, Some(&camera("tall", Some(1e9)))), (1, 1));
-        scene.suggested_size = Some((512, 256));
-        assert_eq!(picture_size(None, None, &scene, None), (512, 256));
-        assert_eq!(picture_size(Some(64), None, &scene, Some(&camera("square", Some(1.0)))), (64, 32));
-    }
-
-    #[test]
-    fn cameras_are_found_by_name_before_index() {
-        let scene = Scene { cameras: vec![camera("left", None), camera("0", None)], ..Scene::default() };
-        let find = |text| camera_of(&scene, &camera_choice(Some(text), &scene)).map(|c| c.name.as_str());
-        assert_eq!(find("left"), Some("left"));
-        assert_eq!(find("0"), Some("0"));
-        assert_eq!(find("1"), Some("0"));
-        assert_eq!(find("2"), None);
-        assert_eq!(find("right"), None);
-        assert_eq!(camera_choice(None, &scene), CameraChoice::First);
-    }
 
     #[test]
     fn spellings_of_one_path_are_one_place() {
@@ -406,22 +515,5 @@ mod tests {
         // Tests run in the package's folder.
         assert_eq!(place(Path::new("a.exr")), spellings[0]);
         assert_ne!(place(Path::new("src/a.exr")), spellings[0]);
-    }
-
-    #[test]
-    fn windows_beyond_memory_are_refused() {
-        let with = |width, height, crop| check_memory(&RenderOptions { crop, ..RenderOptions::new(width, height) });
-        let crop = crate::render::Crop { x: 9, y: 9, width: 8, height: 8 };
-        assert!(with(64, 64, None).is_ok());
-        assert!(with(65536, 65536, None).is_err());
-        assert!(with(65536, 65536, Some(crop)).is_ok());
-    }
-
-    #[test]
-    fn a_scene_without_lights_is_recognised() {
-        let mut scene = Scene::default();
-        assert!(!has_light(&scene));
-        scene.environment = Some(Environment::constant(Vec3::ONE));
-        assert!(has_light(&scene));
     }
 }

@@ -7,57 +7,67 @@ pub mod args;
 pub mod bench;
 pub mod compare;
 pub mod doctor;
-pub mod error_log;
+pub mod farm;
+mod frames;
 pub mod info;
 pub mod job;
+mod keeping;
+pub mod live;
+pub mod looks;
+pub mod merge;
+mod output;
+mod pages;
+pub mod production;
 pub mod progress;
+mod quick;
 pub mod render;
 pub mod replay;
 pub mod report;
+mod sequence;
 pub mod signal;
 pub mod units;
 pub mod verify;
-
-use std::io::{self, Write};
+pub mod view;
+mod waiting;
 
 use crate::error::{Error, Result};
+use crate::machine;
 use args::{Cli, Command};
-
-/// Exit code: done, and the target was met.
-pub const EXIT_OK: u8 = 0;
-/// Exit code: stopped by time or samples before the error target.
-pub const EXIT_TARGET_MISSED: u8 = 3;
-/// Exit code: non-finite samples were met.
-pub const EXIT_NONFINITE: u8 = 5;
 
 /// Runs one command and returns its exit code.
 ///
 /// # Errors
-/// Whatever stopped the command; [`Error::exit_code`] says how the process should end.
+/// Whatever stopped the command; [`Error::exit_code`](crate::Error::exit_code) says how the process should end.
 pub fn run(cli: &Cli) -> Result<u8> {
+    let threads = match &cli.command {
+        Command::Render(args) => args.settings.threads,
+        Command::Verify(args) => args.threads,
+        Command::Bench(args) => args.settings.threads,
+        Command::Accuracy(args) => args.settings.threads,
+        Command::View(args) => args.settings.threads,
+        Command::Info(args) => args.settings.threads,
+        Command::Compare(_) | Command::Merge(_) | Command::Farm(_) | Command::Doctor => None,
+        Command::Completions { .. } | Command::Man { .. } => None,
+    };
+    // Images are loaded on it, so that -t bounds that, too.
+    let started = machine::start_pool(threads.map_or(0, |n| n as usize));
+    started.map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
     match &cli.command {
+        Command::Render(args) if args.sequence.is_on() => sequence::run(args),
         Command::Render(args) => render::run(args),
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Accuracy(args) => accuracy::run(args),
+        Command::Merge(args) => merge::run(args),
+        Command::View(args) => view::run(args),
+        Command::Farm(args) => {
+            Cli::check(args.words())?;
+            farm::run(args)
+        }
         Command::Doctor => doctor::run(),
+        Command::Completions { shell } => pages::completions(*shell),
+        Command::Man { folder } => pages::manual(folder),
     }
-}
-
-/// Writes to stdout. A reader that has gone away (`| head`) is not an error.
-fn print(text: &str) -> Result<()> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::io("stdout", "write", error)),
-        _ => Ok(()),
-    }
-}
-
-/// Pretty JSON with a final newline.
-fn to_json(value: &impl serde::Serialize) -> String {
-    let mut text = serde_json::to_string_pretty(value).expect("records of numbers and strings are valid JSON");
-    text.push('\n');
-    text
 }

@@ -1,13 +1,16 @@
-//! Progress of a render: a bar on a terminal, a plain line each 10 %, JSON objects on stdout, or nothing.
+//! Progress of a render: a bar on a terminal, a plain line each 10 % (at most one a second, unless asked for), JSON
+//! objects on stdout, or nothing.
 //!
 //! While a render runs, `spp` counts the samples that every pixel has, so it lags by the pass at hand, and 100 % is not
 //! said: that line is made from the finished film. A render that was broken off never says 100 %.
 //!
-//! `--progress ndjson` writes one object a line, at most four a second: `{"type":"progress","t":12.3,"spp":64,"pct":25.0,
-//! "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in seconds; err and target are relative RMSE, `null` when
-//! unknown or not asked for; mrays in 10⁶ rays a second), with an error target also `"predicted":{"seconds":52.4,"interval":
-//! [45.0,61.0],"spp":96}` of the whole render once the looks so far tell, then exactly one `completed` or `failed`. It was asked for, so it
-//! goes to stdout.
+//! `--progress ndjson` writes one object a line, at most four a second:
+//! `{"type":"progress","t":12.3,"spp":64,"pct":25.0, "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in
+//! seconds; err and target are relative RMSE, `null` when unknown or not asked for; mrays in 10⁶ rays a second), with
+//! an error target also `"predicted":{"seconds":52.4,"interval": [45.0,61.0],"spp":96}` of the whole render once the
+//! looks so far tell, then exactly one `completed` or `failed`. It was asked for, so it goes to stdout.
+//! `--progress openjd` writes `openjd_progress: PERCENT` and `openjd_status: TEXT` there each second, and `openjd_fail:
+//! TEXT` where the command failed.
 
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
@@ -18,13 +21,20 @@ use serde::Serialize;
 use super::args::ProgressKind;
 use super::report::{Verbosity, stderr_line};
 use crate::error::Error;
+use crate::plain::one_line;
 use crate::render::{Progress, Render, StopReason};
 use crate::stats::Stats;
+
+/// Shortest time between two reports to Open Job Description.
+const OPENJD_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Shortest time between two objects of ndjson.
 const NDJSON_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Most that a running render claims to have done: limits are looked at between passes only.
+/// Shortest time between two plain lines that nobody asked for, and before the first.
+const PLAIN_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Most that a running render claims to have done: limits are checked between passes only.
 const RUNNING_FRACTION: f64 = 0.999;
 
 /// Resolution of the bar.
@@ -39,8 +49,19 @@ pub struct ProgressView {
 
 enum Display {
     Bar(ProgressBar),
-    Plain { next_percent: u32 },
-    Ndjson { last: Option<Duration> },
+    /// `brief`: at most a line a second, and none of a render that is done within one.
+    Plain {
+        next_percent: u32,
+        brief: bool,
+        last: Duration,
+    },
+    Ndjson {
+        last: Option<Duration>,
+    },
+    /// As [`Display::Ndjson`], in the words of Open Job Description.
+    Openjd {
+        last: Option<Duration>,
+    },
     None,
 }
 
@@ -85,8 +106,10 @@ impl ProgressView {
             ProgressKind::Auto if terminal => Display::Bar(bar(ProgressDrawTarget::stderr())),
             ProgressKind::Tty if terminal => Display::Bar(bar(ProgressDrawTarget::stderr())),
             ProgressKind::Tty => Display::Bar(bar(ProgressDrawTarget::term_like(Box::new(AssumedTerminal)))),
-            ProgressKind::Auto | ProgressKind::Plain => Display::Plain { next_percent: 10 },
+            ProgressKind::Auto => Display::Plain { next_percent: 10, brief: true, last: Duration::ZERO },
+            ProgressKind::Plain => Display::Plain { next_percent: 10, brief: false, last: Duration::ZERO },
             ProgressKind::Ndjson => Display::Ndjson { last: None },
+            ProgressKind::Openjd => Display::Openjd { last: None },
             ProgressKind::None => Display::None,
         };
         ProgressView { display, target }
@@ -98,6 +121,7 @@ impl ProgressView {
             // The line after 90 % is that of the finished render.
             Display::Plain { .. } => p.fraction < 1.0,
             Display::Ndjson { last } => last.is_none_or(|last| p.elapsed >= last + NDJSON_INTERVAL),
+            Display::Openjd { last } => last.is_none_or(|last| p.elapsed >= last + OPENJD_INTERVAL),
             _ => true,
         };
         if due {
@@ -140,8 +164,10 @@ impl ProgressView {
                 bar.set_message(format!("{}, {} left", facts(), eta.map_or("?".into(), clock)));
                 bar.set_position((p.fraction * BAR_STEPS as f64) as u64);
             }
-            Display::Plain { next_percent } => {
+            Display::Plain { brief: true, last, .. } if p.elapsed < *last + PLAIN_INTERVAL => {}
+            Display::Plain { next_percent, last, .. } => {
                 if let Some(percent) = due_percent(next_percent, p.fraction) {
+                    *last = p.elapsed;
                     stderr_line(format_args!("{percent:3} %  {}  {}", clock(t), facts()));
                 }
             }
@@ -152,6 +178,10 @@ impl ProgressView {
                     p.predicted.map(|p| PredictedLine { seconds: p.seconds, interval: p.seconds_interval, spp: p.spp });
                 let (spp, target) = (p.spp, self.target);
                 ndjson(&ProgressLine { r#type: "progress", t, spp, pct, err, target, eta, mrays, predicted });
+            }
+            Display::Openjd { last } => {
+                *last = Some(p.elapsed);
+                stdout_lines(&format!("openjd_progress: {:.1}\nopenjd_status: {}\n", 100.0 * p.fraction, facts()));
             }
             Display::None => {}
         }
@@ -169,6 +199,9 @@ impl ProgressView {
 
 /// The last line of ndjson when the command failed, at whatever step.
 pub fn failed(kind: ProgressKind, error: &Error) {
+    if kind == ProgressKind::Openjd {
+        stdout_lines(&format!("openjd_fail: {}\n", one_line(&error.to_string())));
+    }
     if kind == ProgressKind::Ndjson {
         ndjson(&FinalLine::Failed { error: &error.to_string(), exit: error.exit_code() });
     }
@@ -184,11 +217,15 @@ fn due_percent(next_percent: &mut u32, fraction: f64) -> Option<u32> {
     due.then_some(percent)
 }
 
-fn ndjson(line: &impl Serialize) {
-    let text = serde_json::to_string(line).expect("records of numbers and strings are valid JSON");
+fn stdout_lines(lines: &str) {
     let mut out = io::stdout().lock();
     // A reader that has gone away does not stop the render.
-    let _ = writeln!(out, "{text}").and_then(|()| out.flush());
+    let _ = out.write_all(lines.as_bytes()).and_then(|()| out.flush());
+}
+
+fn ndjson(line: &impl Serialize) {
+    let text = serde_json::to_string(line).expect("records of numbers and strings are valid JSON");
+    stdout_lines(&format!("{text}\n"));
 }
 
 fn bar(target: ProgressDrawTarget) -> ProgressBar {

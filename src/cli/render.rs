@@ -1,26 +1,33 @@
 //! `pathspace render`: outputs are checked, the scene is loaded, rendered to the first limit or signal, and written.
 
+use std::cell::RefCell;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::Instant;
 
 use super::args::RenderArgs;
-use super::error_log::ErrorLog;
-use super::info::PlanRecord;
-use super::job::{self, EnvironmentRequest, Outputs};
+use super::job::{self, Fallback, Outputs, STREAM};
+use super::keeping::{self, Keeping};
+use super::live::watch::Watchers;
+use super::output::{EXIT_FAULT, EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, print, to_json, write_stdout};
 use super::progress::{self, ProgressView};
 use super::replay;
-use super::report::Verbosity;
+use super::report::{Verbosity, stderr_line};
 use super::signal::Signals;
-use super::{EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, to_json};
+use super::waiting::Waiting;
 use crate::error::{Error, Result};
 use crate::film::Film;
-use crate::film::aov::{self, Sources};
 use crate::film::atomic::write_atomically;
-use crate::film::exr::{ExrOptions, ViewMatrices};
-use crate::render::{Progress, Render, Renderer, StopReason};
-use crate::scene::Scene;
-use crate::stats::{Inputs, Seconds, Stats, bias};
+use crate::film::exr::ExrOptions;
+use crate::film::look::Look;
+use crate::film::tone::ToneMap;
+use crate::machine;
+use crate::plan::RenderPlan;
+use crate::plan::record::PlanRecord;
+use crate::render::checkpoint::Checkpoint;
+use crate::render::{Progress, Render, RenderOptions, Renderer, Snapshot, StopReason};
+use crate::stats::error_log::ErrorLog;
+use crate::stats::{Seconds, Stats, bias};
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<u8> {
@@ -36,50 +43,142 @@ pub fn run(args: &RenderArgs) -> Result<u8> {
 
 fn render(args: &RenderArgs) -> Result<u8> {
     let start = Instant::now();
-    let verbosity = Verbosity::of(args.quiet, args.verbose);
     let signals = Signals::listen()?;
     job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
+    if let Some(option) = args.look.given().filter(|_| !outputs.has_previews()) {
+        let verbosity = Verbosity::of(args.quiet, args.verbose);
+        verbosity.note(format_args!("pathspace: warning: {option} applies to previews alone: add --png FILE.png"));
+    }
+    let result = render_to(args, &outputs, &signals, start);
+    if let (Err(_), Some(stats)) = (&result, &outputs.stats) {
+        // Those of an earlier render are not this one's. There may be none.
+        let _ = std::fs::remove_file(stats);
+    }
+    result
+}
 
-    let scene = &job::load(
-        &args.scene,
-        EnvironmentRequest::of(&args.settings.environment),
-        args.settings.textures,
-        args.settings.shutter,
-    )?;
+fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Instant) -> Result<u8> {
+    let verbosity = Verbosity::of(args.quiet, args.verbose);
+    let earlier = keeping::earlier(args.production.resume.as_deref())?;
+    // Before the scene is loaded, so that addresses that are taken or nobody answers at are known at once.
+    let name = args.output.as_ref().unwrap_or(&args.scene).display().to_string();
+    let watchers = &RefCell::new(Watchers::start(&args.live, &name, verbosity)?);
+    let waiting = Waiting::begin(verbosity, "loading");
+    let scene = &job::load(&args.scene, &args.settings, Fallback::of(args))?;
+    drop(waiting);
+    outputs.spare(&scene.inputs)?;
     verbosity.warnings(&scene.warnings);
+    if let Some(asked) = args.settings.threads.filter(|&asked| machine::threads(asked as usize) < asked as usize) {
+        let most = machine::threads(asked as usize);
+        verbosity
+            .note(format_args!("pathspace: warning: --threads {asked} is more than helps here: {most} are started"));
+    }
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
-    let options = job::options(args, scene);
-    job::check_memory(&options)?;
-    let renderer = Renderer::new(scene, options.clone())?;
+    let mut options = job::options(args, scene);
+    keeping::settle(&mut options, &args.production, earlier.as_ref());
+    options.check_memory_for(scene)?;
+    let waiting = Waiting::begin(verbosity, "building");
+    let frame_options = options.clone();
+    let renderer = Renderer::new(scene, options)?;
+    drop(waiting);
     seconds.build = renderer.build_time().as_secs_f64();
-    let record = PlanRecord::of(renderer.plan(), renderer.backend_info());
-    verbosity.detail(&record);
+    verbosity.detail(renderer.record());
+    verbosity.detail(renderer.need());
+    let resume = args.production.resume.as_deref();
+    let frame = Frame { args, outputs, signals, options: frame_options, resume, key: None, watchers, seconds, start };
+    render_frame(&renderer, frame, earlier)
+}
+
+/// What one picture is made of besides its renderer.
+pub(super) struct Frame<'f> {
+    pub args: &'f RenderArgs,
+    pub outputs: &'f Outputs,
+    pub signals: &'f Signals,
+    /// The renderer's.
+    pub options: RenderOptions,
+    /// Where its earlier state is from.
+    pub resume: Option<&'f Path>,
+    /// Who sees it while it runs.
+    pub watchers: &'f RefCell<Watchers>,
+    /// Fingerprint for its EXR.
+    pub key: Option<String>,
+    /// Times so far.
+    pub seconds: Seconds,
+    /// When the work for it began.
+    pub start: Instant,
+}
+
+/// Renders and writes one picture, from `earlier` if there is such a state; returns the exit code.
+pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Checkpoint>) -> Result<u8> {
+    let Frame { args, outputs, signals, options, resume, watchers, key, mut seconds, start } = frame;
+    let verbosity = Verbosity::of(args.quiet, args.verbose);
+    // A first look asks for no error: it takes what it gets in its time.
+    let target = options.error.filter(|_| args.error.is_some() || !args.quick);
+    let about = keeping::about(renderer, &args.production, earlier.as_ref().zip(resume))?;
+    let accepted = about.as_ref().map(|about| about.accepted.clone()).filter(|accepted| !accepted.is_empty());
+    // What previews alone had gathered is not the EXR's.
+    let plan = match args.look.layers().is_empty() {
+        true => None,
+        false => {
+            let options = options.aovs(args.aov.clone());
+            let plan = RenderPlan::new(renderer.scene(), renderer.geometry(), &options)?;
+            serde_json::to_string(&PlanRecord::of(&plan, renderer.backend_info())).ok()
+        }
+    };
+    let exr_of = |render: &Render| {
+        let mut exr = renderer.exr_options(render).half(args.half).reproducible(args.reproducible);
+        if plan.is_some() {
+            exr.channels = render.film.channels(&args.aov, renderer.plan().max_depth);
+            exr.plan.clone_from(&plan);
+        }
+        // One that was broken off is not the picture that was asked for.
+        let whole = !matches!(render.stop, StopReason::Callback | StopReason::Fault | StopReason::Texture);
+        exr.accepted(accepted.clone()).key(key.clone().filter(|_| whole))
+    };
+    let curve = if args.quick { ToneMap::Neutral } else { ToneMap::Clip };
+    let look = &if outputs.has_previews() { args.look.look(renderer, curve) } else { Look::default() };
+    let show = |render: &Render| match write_pictures(outputs, &render.film, &exr_of(render), (look, verbosity)) {
+        Ok(written) => written.iter().for_each(|path| verbosity.note(format_args!("wrote {path} so far"))),
+        Err(error) => stderr_line(format_args!("pathspace: error: {error}; the render goes on")),
+    };
+
+    watchers.borrow_mut().begin(renderer, look);
 
     let mut log = match &args.reference {
         Some(path) => Some(ErrorLog::open(path, renderer.plan())?),
         None => None,
     };
-    let mut view = ProgressView::new(args.progress, verbosity, options.error);
+    signals.defer();
+    let mut view = ProgressView::new(args.progress, verbosity, target);
     let progress = |p: &Progress| {
         view.update(p);
+        watchers.borrow().meanwhile(renderer);
         match signals.exit_code() {
             Some(_) => ControlFlow::Break(()),
             None => ControlFlow::Continue(()),
         }
     };
-    let render = match &mut log {
-        Some(log) => renderer.render_watched(progress, |checkpoint| log.add(checkpoint))?,
-        None => renderer.render_with(progress)?,
+    let mut keeping = Keeping::new(signals, outputs.checkpoint.clone(), about, &show);
+    let watching = log.is_some() || !watchers.borrow().is_empty();
+    let mut watch = |snapshot: &Snapshot| {
+        log.iter_mut().for_each(|log| log.add(snapshot));
+        watchers.borrow_mut().show(renderer, snapshot);
     };
+    let watch = watching.then_some(&mut watch as &mut dyn FnMut(&Snapshot));
+    let render = renderer.render_kept(earlier.map(|earlier| earlier.render), progress, watch, &mut keeping)?;
+    watchers.borrow_mut().finish(renderer, &render);
     view.finish(&render);
     seconds.render = render.render_time.as_secs_f64();
 
     let writing = Instant::now();
+    let kept = keeping.finish(&render);
     let written = if render.film.spp().max > 0 {
-        let exr = exr_options(args, scene, &render, &renderer, &record);
-        write_pictures(&outputs, &render.film, &exr, args.exposure)?
+        if render.film.spp().min == 0 {
+            verbosity.note("pathspace: warning: stopped before every pixel had a sample; those without are black");
+        }
+        write_pictures(outputs, &render.film, &exr_of(&render), (look, verbosity))?
     } else {
         verbosity.note("pathspace: warning: stopped before the first sample; no picture was written");
         Vec::new()
@@ -90,77 +189,87 @@ fn render(args: &RenderArgs) -> Result<u8> {
     seconds.write = writing.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
 
-    let backend = renderer.backend_info();
-    let inputs = Inputs { scene, options: &options, plan: renderer.plan(), backend, render: &render, seconds };
-    let mut stats = Stats::new(&inputs);
+    let mut stats = Stats::new(renderer, &render, seconds);
     if args.half {
         stats.bias.push(bias::half(&render.film));
     }
-    if let Some(path) = &outputs.stats {
-        write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?;
+    match &outputs.stats {
+        Some(path) if path == Path::new(STREAM) => print(&to_json(&stats))?,
+        Some(path) => write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?,
+        None => {}
     }
     verbosity.summary(&stats, &written);
-    let exit = exit_code(&render, &stats, options.error, signals.exit_code());
+    if let Some(fault) = &render.fault {
+        stderr_line(format_args!("pathspace: error: {fault}"));
+    }
+    for fault in renderer.scene().texture_tiles().map(|tiles| tiles.faults()).unwrap_or_default() {
+        let severity = if render.stop == StopReason::Texture { "error" } else { "warning" };
+        stderr_line(format_args!("pathspace: {severity}: {fault}"));
+    }
+    let exit = exit_code(&render, &stats, target, signals.exit_code());
+    let exit = match kept {
+        Ok(()) => exit,
+        Err((_, true)) => EXIT_FAULT,
+        Err((error, false)) => return Err(error),
+    };
     if exit == EXIT_TARGET_MISSED {
         verbosity.note("pathspace: warning: stopped before the error target was met");
     }
+    let exit = if args.production.best_effort && exit == EXIT_TARGET_MISSED { EXIT_OK } else { exit };
     view.completed(&stats, exit);
     Ok(exit)
 }
 
 /// A signal first (the picture is not what was asked for), then samples that are not finite, then a missed target.
 fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option<u8>) -> u8 {
-    let reached = |target: f64| stats.error.is_some_and(|error| error.limit <= target);
     match (render.stop, signal) {
         (StopReason::Callback, Some(code)) => code,
+        (StopReason::Fault | StopReason::Texture, _) => EXIT_FAULT,
         _ if render.counters.nonfinite > 0 => EXIT_NONFINITE,
         (StopReason::Error, _) => EXIT_OK,
-        _ if target.is_some_and(|target| !reached(target)) => EXIT_TARGET_MISSED,
+        _ if target.is_some_and(|target| !stats.meets(target)) => EXIT_TARGET_MISSED,
         _ => EXIT_OK,
     }
 }
 
-fn exr_options(
-    args: &RenderArgs,
-    scene: &Scene,
-    render: &Render,
-    renderer: &Renderer,
-    record: &PlanRecord,
-) -> ExrOptions {
-    let backend = renderer.backend_info();
-    let sources = Sources {
-        film: &render.film,
-        lengths: render.lengths.as_ref(),
-        first_hits: render.first_hits.as_deref(),
-        max_depth: renderer.plan().max_depth,
-    };
-    ExrOptions {
-        channels: aov::channels(&renderer.plan().aovs, &sources),
-        half: args.half,
-        render_seconds: Some(render.render_time.as_secs_f64()),
-        view: Some(view_matrices(renderer, scene)),
-        seed: Some(args.settings.seed),
-        sample_range: Some((0, render.film.spp().min)),
-        backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
-        isa: Some(backend.isa.clone()),
-        plan: serde_json::to_string(record).ok(),
-    }
-}
-
-fn view_matrices(renderer: &Renderer, scene: &Scene) -> ViewMatrices {
-    let camera = renderer.camera();
-    ViewMatrices {
-        world_to_camera: camera.world_to_camera(scene.origin),
-        world_to_ndc: camera.world_to_ndc(scene.origin),
-    }
-}
-
-fn write_pictures(outputs: &Outputs, film: &Film, exr: &ExrOptions, exposure_ev: f32) -> Result<Vec<PathBuf>> {
+fn write_pictures(
+    outputs: &Outputs,
+    film: &Film,
+    exr: &ExrOptions,
+    (look, verbosity): (&Look, Verbosity),
+) -> Result<Vec<String>> {
     if let Some(path) = &outputs.exr {
-        film.write_exr(path, exr)?;
+        keep(path, verbosity, |path| film.write_exr(path, exr))?;
     }
-    for path in &outputs.pngs {
-        film.write_png(path, exposure_ev)?;
+    for path in &outputs.previews {
+        keep(path, verbosity, |path| film.write_preview(path, look))?;
     }
-    Ok::<_, Error>(outputs.exr.iter().chain(&outputs.pngs).cloned().collect())
+    if outputs.stdout {
+        write_stdout(&look.preview(film)?.png())?;
+    }
+    let files = outputs.exr.iter().chain(&outputs.previews).map(|path| path.display().to_string());
+    Ok(files.chain(outputs.stdout.then(|| "stdout".into())).collect())
+}
+
+/// Writes a picture that may have taken days to where it was asked for, else anywhere: its folder is made again if it
+/// has vanished, and the folder of temporary files takes what no other does.
+fn keep(path: &Path, verbosity: Verbosity, write: impl Fn(&Path) -> Result<()>) -> Result<()> {
+    let Err(error) = write(path) else { return Ok(()) };
+    let folder = path.parent().filter(|folder| *folder != Path::new("") && !folder.exists());
+    if let Some(folder) = folder
+        && std::fs::create_dir_all(folder).is_ok()
+        && write(path).is_ok()
+    {
+        verbosity.note(format_args!("pathspace: warning: {} had vanished and was made again", folder.display()));
+        return Ok(());
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let elsewhere = std::env::temp_dir().join(format!("pathspace-{}-{name}", std::process::id()));
+    match (error, write(&elsewhere)) {
+        (Error::Io { path, action, source }, Ok(())) => {
+            let problem = format!("{source}; the picture was written to {} instead", elsewhere.display());
+            Err(Error::Io { path, action, source: std::io::Error::new(source.kind(), problem) })
+        }
+        (error, _) => Err(error),
+    }
 }

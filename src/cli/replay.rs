@@ -1,19 +1,24 @@
-//! `pathspace render --pixel`: no picture, but what the paths of one pixel did, on stdout as text or JSON. Floats are printed
-//! with the fewest digits that read back as the same bits.
+//! `pathspace render --pixel`: no picture, but what the paths of one pixel did, on stdout as text or JSON. Floats are
+//! printed with the fewest digits that read back as the same bits.
 
 use std::fmt::Write;
 
 use serde::Serialize;
 
 use super::args::RenderArgs;
-use super::job::{self, EnvironmentRequest};
+use super::job::{self, Fallback};
+use super::output::{EXIT_NONFINITE, EXIT_OK, print, to_json};
 use super::report::Verbosity;
-use super::{EXIT_NONFINITE, EXIT_OK, print, to_json};
-use crate::error::Result;
+use super::waiting::Waiting;
+use crate::error::{Error, Result};
 use crate::film::Pixel;
+use crate::plain::one_line;
 use crate::render::{DEFAULT_SPP, Renderer};
-use crate::wavefront::replay::Replay;
-use crate::wavefront::vertex::{Emission, LightSample, Met, Number, Roulette, Scattering, Shadow, Surface, Vertex};
+use crate::transport::replay::Replay;
+use crate::transport::vertex::{Emission, LightSample, Met, Number, Roulette, Scattering, Shadow, Surface, Vertex};
+
+/// Samples that are listed at most: some hundred bytes of memory each.
+const MOST_SAMPLES: u64 = 1 << 22;
 
 /// Runs `render` for the samples of one pixel.
 ///
@@ -21,23 +26,29 @@ use crate::wavefront::vertex::{Emission, LightSample, Met, Number, Roulette, Sca
 /// As a render's; and for a pixel outside the picture.
 pub fn run(args: &RenderArgs, pixel: (u32, u32)) -> Result<u8> {
     job::check(&args.settings)?;
-    let scene = &job::load(
-        &args.scene,
-        EnvironmentRequest::of(&args.settings.environment),
-        args.settings.textures,
-        args.settings.shutter,
-    )?;
-    Verbosity::of(args.quiet, args.verbose).warnings(&scene.warnings);
+    let count = args.spp.unwrap_or(DEFAULT_SPP);
+    if count > MOST_SAMPLES {
+        let problem = format!("{count} samples of a pixel; expected at most {MOST_SAMPLES}, or one by --sample");
+        return Err(Error::Option { option: "--spp", problem });
+    }
+    let verbosity = Verbosity::of(args.quiet, args.verbose);
+    let waiting = Waiting::begin(verbosity, "loading and building");
+    let scene = &job::load(&args.scene, &args.settings, Fallback::of(args))?;
+    verbosity.warnings(&scene.warnings);
     let renderer = Renderer::new(scene, job::options(args, scene))?;
+    drop(waiting);
     if let Some(sample) = args.sample {
         let replay = renderer.replay(pixel, sample)?;
         print(&if args.json { to_json(&replay) } else { story(&replay) })?;
+        scene.check_textures()?;
         return Ok(if replay.nonfinite_bounce.is_some() { EXIT_NONFINITE } else { EXIT_OK });
     }
-    let samples =
-        (0..args.spp.unwrap_or(DEFAULT_SPP)).map(|sample| renderer.replay(pixel, sample).map(|r| Line::of(&r)));
+    let waiting = Waiting::begin(verbosity, "replaying");
+    let samples = (0..count).map(|sample| renderer.replay(pixel, sample).map(|r| Line::of(&r)));
     let summary = Summary::of(pixel, samples.collect::<Result<_>>()?);
+    drop(waiting);
     print(&if args.json { to_json(&summary) } else { table(&summary) })?;
+    scene.check_textures()?;
     Ok(if summary.nonfinite > 0 { EXIT_NONFINITE } else { EXIT_OK })
 }
 
@@ -85,13 +96,8 @@ impl Line {
 
 impl Summary {
     fn of(pixel: (u32, u32), mut samples: Vec<Line>) -> Self {
-        // As the film adds: ascending, by halves.
-        let mut film = Pixel::default();
-        for line in &samples {
-            let half = (line.sample & 1) as usize;
-            (0..4).for_each(|c| film.sum[half][c] += line.film[c]);
-            film.n[half] += 1;
-        }
+        let first = samples.first().map_or(0, |line| line.sample);
+        let film = Pixel::of_samples(first, &samples.iter().map(|line| line.film).collect::<Vec<_>>());
         let sums: [f64; 4] = std::array::from_fn(|c| film.sum[0][c] + film.sum[1][c]);
         for line in &mut samples {
             let shares = (0..3).filter(|&c| sums[c] != 0.0).map(|c| line.film[c] / sums[c]);
@@ -144,7 +150,7 @@ fn table(summary: &Summary) -> String {
 }
 
 /// One path, vertex by vertex.
-fn story(replay: &Replay) -> String {
+pub fn story(replay: &Replay) -> String {
     let [x, y] = replay.pixel;
     let [film_x, film_y] = replay.film_position.map(|p| p.0);
     let mut text = format!(
@@ -178,6 +184,9 @@ fn tell(text: &mut String, vertex: &Vertex) {
     line("throughput", list(&vertex.throughput));
     match &vertex.met {
         Met::Infinity => line("met", "nothing".into()),
+        Met::Medium(medium) => {
+            line("met", format!("'{}' after {} m", one_line(&medium.medium), medium.distance_m.0));
+        }
         Met::Surface(surface) => met(&mut line, surface),
     }
     if let Some(Emission { radiance, bsdf_pdf_sa, light_pdf_sa, mis_weight, contribution }) = &vertex.emission {
@@ -209,7 +218,10 @@ fn met(line: &mut impl FnMut(&str, String), surface: &Surface) {
     let side = if surface.front { "front" } else { "back" };
     let instance = surface.instance.map_or(String::new(), |instance| format!(" of placement {instance}"));
     let place = format!("mesh {} triangle {}{instance}", surface.mesh, surface.triangle);
-    line("met", format!("\"{}\"{kind}, {side} side, {:?} m away; {place}", surface.material, surface.distance_m.0));
+    line(
+        "met",
+        format!("\"{}\"{kind}, {side} side, {:?} m away; {place}", one_line(&surface.material), surface.distance_m.0),
+    );
     line("position", format!("{:?} ± {:?} along the normal", surface.position_m, surface.error_m.0));
     let (geometric, shading) = (list(&surface.normal_geometric), list(&surface.normal_shading));
     line("normals", format!("geometric {geometric}, shading {shading}"));

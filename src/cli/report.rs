@@ -1,15 +1,19 @@
-//! What people read: warnings, steps and the summary, all on stderr, one fact a line, no colour. A closed stderr is not an
-//! error.
+//! What people read: warnings, steps and the summary, all on stderr, one fact a line, no colour. A closed stderr is not
+//! an error.
 
 use std::fmt::Display;
 use std::io::Write;
-use std::path::PathBuf;
 
+use crate::machine::Processor;
+use crate::plain::plain;
 use crate::scene::Warning;
 use crate::stats::Stats;
 
-/// Share of the energy from which a bias is told without being asked for: it would show in a comparison of means.
+/// Share of the energy from which a bias is printed without `-v`: it would show in a comparison of means.
 const BIAS_TOLD: f64 = 1e-3;
+
+/// What to do about instruction sets that this binary was not compiled for.
+pub const TARGET_CPU: &str = "this binary was compiled for less; build with RUSTFLAGS='-C target-cpu=x86-64-v3'";
 
 /// How much is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,14 +72,13 @@ impl Verbosity {
         }
     }
 
-    /// Prints how a render went.
-    pub fn summary(self, stats: &Stats, written: &[PathBuf]) {
-        for path in written {
-            let [w, h] = stats.resolution;
-            self.note(format_args!("wrote {} ({w}x{h}, {} spp)", path.display(), spp(stats)));
-        }
+    /// Prints how a render went: a line for people, and the rest when verbose.
+    pub fn summary(self, stats: &Stats, written: &[String]) {
         let s = &stats.seconds;
-        self.note(format_args!(
+        if !written.is_empty() {
+            self.note(closing(stats, written));
+        }
+        self.detail(format_args!(
             "render {:.2} s, {} paths, {:.1} Mrays/s; stopped by {}",
             s.render,
             count(stats.paths),
@@ -84,7 +87,7 @@ impl Verbosity {
         ));
         if let Some(error) = &stats.error {
             let percent = |relmse: f64| 100.0 * relmse.sqrt();
-            self.note(format_args!(
+            self.detail(format_args!(
                 "estimated relative RMSE {:.2} % (95 %: {:.2} to {:.2} %), relMSE {:.3e}",
                 percent(error.relmse),
                 percent(error.interval[0]),
@@ -92,7 +95,7 @@ impl Verbosity {
                 error.relmse
             ));
             if let Some(target) = error.target {
-                self.note(format_args!(
+                self.detail(format_args!(
                     "asked for {:.2} %; this picture is within {:.2} % with {:.0} % confidence",
                     100.0 * target,
                     100.0 * error.limit,
@@ -100,18 +103,18 @@ impl Verbosity {
                 ));
             }
             if !error.reliable {
-                self.note(format_args!(
-                    "pathspace: warning: interval unreliable: few pixels carry the error, one of them {:.0} %; render \
-                     more samples or pixels",
+                self.detail(format_args!(
+                    "interval unreliable: few pixels carry the error, one of them {:.0} %; render more samples or \
+                     pixels",
                     100.0 * error.largest_share
                 ));
             }
             let half = |c: usize| (error.mean_interval[c][1] - error.mean_interval[c][0]) / 2.0;
             let [r, g, b] = std::array::from_fn(|c| format!("{:.4e} ± {:.1e}", error.mean[c], half(c)));
-            self.note(format_args!("mean radiance (95 %): {r}, {g}, {b} W/(sr·m²)"));
+            self.detail(format_args!("mean radiance (95 %): {r}, {g}, {b} W/(sr·m²)"));
         }
         if let Some(p) = &stats.prediction {
-            self.note(format_args!(
+            self.detail(format_args!(
                 "predicted after {:.1} s: {:.1} s (95 %: {:.1} to {:.1} s), {:.0} spp; taken {:.1} s, {} spp",
                 p.after_s, p.seconds, p.seconds_interval[0], p.seconds_interval[1], p.spp, p.taken_s, p.taken_spp
             ));
@@ -128,6 +131,10 @@ impl Verbosity {
             count(stats.rays.bounce),
             count(stats.rays.shadow)
         ));
+        let unused = Processor::detect().unused();
+        if !unused.is_empty() {
+            self.detail(format_args!("shading {}: {} unused, {TARGET_CPU}", stats.isa, unused.join(", ")));
+        }
         self.detail(format_args!(
             "load {:.2} s, build {:.2} s, write {:.2} s, total {:.2} s, peak memory {}",
             s.load,
@@ -155,10 +162,35 @@ impl Verbosity {
     }
 }
 
+/// The line for people: files, size, noise, samples, seconds, and what less noise would cost.
+fn closing(stats: &Stats, written: &[String]) -> String {
+    let ([w, h], seconds) = (stats.resolution, stats.seconds.render);
+    let mut line = format!("wrote {} ({w}x{h}, {} spp): ", written.join(", "), spp(stats));
+    let Some(error) = stats.error.as_ref().filter(|error| error.relmse > 0.0) else {
+        line += &format!("{} of rendering", duration(seconds));
+        return line;
+    };
+    let noise = 100.0 * error.relmse.sqrt();
+    line += &format!("noise {noise:.1} %, {}", duration(seconds));
+    // Noise falls with the square root of the samples.
+    let half = format!("--error {:.*}%", usize::from(noise < 20.0) + usize::from(noise < 2.0), 0.5 * noise);
+    line + &format!("; half of it takes about {} ({half})", duration(4.0 * seconds))
+}
+
+/// Seconds as people say them: "0.4 s", "12 s", "3 min", "2.5 h".
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 9.95 => format!("{s:.1} s"),
+        s if s < 99.5 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
 /// Prints one line to stderr.
 pub fn stderr_line(line: impl Display) {
-    // Nobody is left to be told when stderr is gone.
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    // Nothing can be reported when stderr is gone.
+    let _ = writeln!(std::io::stderr().lock(), "{}", plain(&line.to_string()));
 }
 
 /// A count with three digits and a decimal prefix, without a space behind it: "12.3 M", "999".
@@ -209,6 +241,11 @@ mod tests {
             ["0", "999", "1.00 k", "12.3 k", "123 k", "1.23 M"]
         );
         assert_eq!([999, 12_345].map(bytes), ["999 B", "12.3 kB"]);
+    }
+
+    #[test]
+    fn durations_are_said_briefly() {
+        assert_eq!([0.42, 12.3, 180.0, 9000.0].map(duration), ["0.4 s", "12 s", "3 min", "2.5 h"]);
     }
 
     #[test]

@@ -1,10 +1,12 @@
-//! SIGINT and SIGTERM: the first asks the render to stop at the next callback, so that what was rendered is written; the
-//! second ends the process at once. Exit codes are 128 + the signal's number.
+//! SIGINT, SIGTERM and SIGHUP: while a render runs, the first asks it to stop at the next callback, so that what was
+//! rendered is written, and the second ends the process at once. Before, while there is nothing to write, the first
+//! does. Exit codes are 128 + the signal's number. SIGHUP that is ignored (`nohup`) stays so. SIGUSR1 asks for the
+//! picture so far and ends nothing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::flag;
 
 use crate::error::{Error, Result};
@@ -13,23 +15,40 @@ use crate::error::{Error, Result};
 pub struct Signals {
     /// Number of the last one; 0 for none.
     last: Arc<AtomicUsize>,
+    /// Whether the next one ends the process.
+    armed: Arc<AtomicBool>,
+    /// Whether the picture so far was asked for.
+    request: Arc<AtomicBool>,
 }
 
 impl Signals {
-    /// Starts to listen.
+    /// Starts to listen: signals end the process until [`defer`](Self::defer).
     ///
     /// # Errors
     /// [`Error::Io`] when the system refuses a handler.
     pub fn listen() -> Result<Self> {
-        let (armed, last) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
-        for signal in [SIGINT, SIGTERM] {
+        let (armed, last) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicUsize::new(0)));
+        let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|&signal| signal != SIGHUP || !is_ignored(signal));
+        for signal in heard {
             // In this order: a handler that finds itself armed ends the process, the first signal arms it.
             flag::register_conditional_shutdown(signal, 128 + signal, armed.clone())
                 .and_then(|_| flag::register(signal, armed.clone()))
                 .and_then(|_| flag::register_usize(signal, last.clone(), signal as usize))
                 .map_err(|source| Error::io("signal handler", "install", source))?;
         }
-        Ok(Signals { last })
+        let request = Arc::new(AtomicBool::new(false));
+        flag::register(SIGUSR1, request.clone()).map_err(|source| Error::io("signal handler", "install", source))?;
+        Ok(Signals { last, armed, request })
+    }
+
+    /// From now on there is something to write: the next signal is only noted.
+    pub fn defer(&self) {
+        self.armed.store(false, Ordering::SeqCst);
+    }
+
+    /// Whether the picture so far has been asked for since this was asked last.
+    pub fn take_request(&self) -> bool {
+        self.request.swap(false, Ordering::SeqCst)
     }
 
     /// Exit code of the signal that has arrived, if one has.
@@ -39,4 +58,11 @@ impl Signals {
             signal => Some(128 + signal as u8),
         }
     }
+}
+
+/// Whether this process was started with a signal ignored. Source: `SigIgn` of `/proc/PID/status` (proc(5)).
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

@@ -1,14 +1,16 @@
-//! `pathspace verify`: the path tracer against the deterministic solver, length by length, as a table or JSON. Exit code 0
-//! if every term agrees, 3 if one does not; a scene that the solver does not know is refused with code 4.
+//! `pathspace verify`: the path tracer against the deterministic solver, length by length, as a table or JSON. Exit
+//! code 0 if every term agrees, 3 if one does not; a scene that the solver does not know is refused with code 4.
 
 use serde::Serialize;
 
 use super::args::VerifyArgs;
-use super::report::stderr_line;
-use super::{EXIT_OK, EXIT_TARGET_MISSED, job, print, to_json};
+use super::output::{EXIT_OK, EXIT_TARGET_MISSED, print, to_json};
+use super::report::{Verbosity, stderr_line};
+use super::waiting::Waiting;
 use crate::error::Result;
-use crate::film::lengths::LENGTHS;
-use crate::scene::Scene;
+use crate::film::layer::bounces::LENGTHS;
+use crate::plan::options::RenderOptions;
+use crate::scene::{LoadOptions, Scene};
 use crate::verify::compare::{Comparison, Region, SIGMAS};
 use crate::verify::{self, SOLUTIONS, Verification, VerifyOptions};
 
@@ -42,22 +44,30 @@ struct TermRecord {
 
 /// Runs the command.
 pub fn run(args: &VerifyArgs) -> Result<u8> {
-    let scene = Scene::load(&args.scene)?;
+    let options = LoadOptions::default()
+        .fallback_light(false)
+        .allow_outside(args.files.allow_outside)
+        .allow_missing_extensions(args.files.allow_missing_extensions);
+    let scene = Scene::load_with(&args.scene, &options)?;
     for warning in &scene.warnings {
         stderr_line(format_args!("pathspace: warning: {}: {}", warning.place, warning.what));
     }
+    let picture = RenderOptions::default().sized_for(&scene, Some(args.width), None);
     let options = VerifyOptions {
         patches: args.patches as usize,
         spp: args.spp,
-        resolution: job::picture_size(Some(args.width), None, &scene, scene.cameras.first()),
+        resolution: (picture.width, picture.height),
         max_depth: args.max_depth,
         seed: args.seed,
-        threads: args.threads.map_or_else(job::default_threads, |n| n as usize),
+        threads: args.threads.map_or(0, |n| n as usize),
         backend: args.backend,
     };
+    let waiting = Waiting::begin(Verbosity::Normal, "solving and rendering");
     let found = verify::verify(&scene, &options)?;
+    drop(waiting);
     let text = if args.json { to_json(&record(&scene, &options, &found)) } else { table(&options, &found) };
     print(&text)?;
+    scene.check_textures()?;
     Ok(if found.agrees() { EXIT_OK } else { EXIT_TARGET_MISSED })
 }
 
@@ -97,8 +107,12 @@ fn table(options: &VerifyOptions, found: &Verification) -> String {
             "solver: {:?} patches; path tracer: {} samples for each of {width}x{height} rays through pixel centres",
             found.patches, options.spp
         ),
-        "mean radiance over the picture, W/(sr m²), in the channel that agrees least; ± is the discretisation of the solver".into(),
-        "and the standard error of the path tracer; rare: too few paths to judge; the last column counts regions that agree".into(),
+        "mean radiance over the picture, W/(sr m²), in the channel that agrees least; ± is the discretisation \
+         of the solver"
+            .into(),
+        "and the standard error of the path tracer; rare: too few paths to judge; the last column counts \
+         regions that agree"
+            .into(),
         String::new(),
         format!(
             "{:<12} {:>12} {:>9} {:>12} {:>9} {:>10} {:>7} {:>9}",

@@ -1,0 +1,146 @@
+//! Arguments of renders that outlive their process, are parts of a picture or many pictures: checkpoints, ranges of
+//! samples, frames.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+
+use super::frames::{self, Frames};
+use super::units::{self, ShutterAngle};
+use crate::error::{Error, Result};
+use crate::render::identity::MAY_DIFFER;
+
+/// How often the state is saved where only a file is named.
+const EVERY: Duration = Duration::from_secs(60);
+
+/// Options of `render` about its state.
+#[derive(Debug, Default, Args)]
+pub struct ProductionArgs {
+    /// Save the state of the render each DURATION [default: 60s], when a signal ends it, and at its end, to be gone on
+    /// with by --resume or joined by `merge` [default FILE: the output's name with .checkpoint]
+    #[arg(
+        long, value_names = ["DURATION", "FILE"], num_args = 1..=2, conflicts_with = "pixel",
+        help_heading = "Production"
+    )]
+    pub checkpoint: Vec<PathBuf>,
+    /// Go on from a saved state: to the limits given here, else to those that it was to come to. Size, seed and all
+    /// other settings must be the same
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixel", "error_log"], help_heading = "Production")]
+    pub resume: Option<PathBuf>,
+    /// Go on although the state is of another instruction set or build: the picture is as right, but not the same in
+    /// every bit; EXR and checkpoint say so
+    #[arg(
+        long, value_name = "LIST", value_delimiter = ',', requires = "resume",
+        value_parser = PossibleValuesParser::new(MAY_DIFFER), help_heading = "Production"
+    )]
+    pub accept_different: Vec<String>,
+    /// Render samples A to B − 1 of each pixel alone, a part for `merge`: A is a multiple of the power of two that is
+    /// not below B − A
+    #[arg(
+        long, value_name = "A..B", value_parser = units::sample_range, requires = "checkpoint",
+        conflicts_with_all = ["spp", "error", "pixel"], help_heading = "Production"
+    )]
+    pub sample_range: Option<(u64, u64)>,
+    /// Exit with 0 instead of 3 when time or samples end the render before its error target
+    #[arg(long, requires = "error", help_heading = "Production")]
+    pub best_effort: bool,
+}
+
+/// Options of `render` about sequences of frames.
+#[derive(Debug, Args)]
+pub struct SequenceArgs {
+    /// Render these frames: 1-100, 1-100x2 (every second), 1-100:2 (the same), 1,5,9-12. Names of outputs have a place
+    /// for the number, f.####.exr or f.%04d.exr; without one .0001 goes before the extension
+    #[arg(
+        long, value_name = "LIST", value_parser = frames::list, help_heading = "Frames",
+        conflicts_with_all = ["pixel", "at", "shutter", "error_log", "sample_range"]
+    )]
+    pub frames: Option<Frames>,
+    /// Frames a second of the animations' time
+    #[arg(long, value_name = "N", default_value = "24", value_parser = units::rate, help_heading = "Frames")]
+    pub fps: f64,
+    /// Frame at which the animations' time is 0
+    #[arg(long, value_name = "FRAME", default_value_t = 0, help_heading = "Frames")]
+    pub frame_start: u32,
+    /// Open the shutter for so much of a frame, 360 is all of it: from the frame's time on, or with `,centred` as long
+    /// before as behind it (not before time 0) [default: no length, the scene stands still]
+    #[arg(
+        long, value_name = "DEG[,centred]", value_parser = units::shutter_angle, requires = "frames",
+        conflicts_with = "turntable", help_heading = "Frames"
+    )]
+    pub shutter_angle: Option<ShutterAngle>,
+    /// The same random numbers in every frame, so that noise stands still [default: a seed for each frame, made of
+    /// --seed and its number]
+    #[arg(long, help_heading = "Frames")]
+    pub fixed_seed: bool,
+    /// Skip frames whose outputs are there and whose EXR is of the same scene and settings
+    #[arg(long, help_heading = "Frames")]
+    pub skip_existing: bool,
+    /// Turn the camera once around the vertical axis through the scene's middle, in N frames from 1 on
+    #[arg(
+        long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000),
+        conflicts_with_all = ["pixel", "error_log", "sample_range"], help_heading = "Frames"
+    )]
+    pub turntable: Option<u32>,
+}
+
+impl SequenceArgs {
+    /// Whether there is a sequence.
+    pub fn is_on(&self) -> bool {
+        self.frames.is_some() || self.turntable.is_some()
+    }
+
+    /// The frames, in order.
+    pub fn list(&self) -> Vec<u32> {
+        match (&self.frames, self.turntable) {
+            (Some(frames), _) => frames.0.clone(),
+            (None, Some(turns)) => (1..=turns).collect(),
+            (None, None) => Vec::new(),
+        }
+    }
+}
+
+impl ProductionArgs {
+    /// How often the state is saved, and where.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where it cannot be told.
+    pub fn checkpoint(&self, output: Option<&Path>) -> Result<Option<(Duration, PathBuf)>> {
+        let refuse = |problem: &str| Err(Error::Option { option: "--checkpoint", problem: problem.into() });
+        let duration = |path: &Path| path.to_str().and_then(|text| units::duration(text).ok());
+        match &self.checkpoint[..] {
+            [] => Ok(None),
+            [only] => match (duration(only), output) {
+                (None, _) => Ok(Some((EVERY, only.clone()))),
+                (Some(every), Some(output)) => Ok(Some((every, output.with_extension("checkpoint")))),
+                (Some(_), None) => refuse("without an output the file must be named: --checkpoint 60s FILE"),
+            },
+            [every, file, ..] => match duration(every) {
+                Some(every) => Ok(Some((every, file.clone()))),
+                None => refuse("write --checkpoint DURATION FILE, as in --checkpoint 60s part.checkpoint"),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Oracle: written by hand.
+    #[test]
+    fn checkpoints_have_a_time_and_a_file() {
+        let read = |words: &[&str], output: Option<&str>| {
+            let args = ProductionArgs { checkpoint: words.iter().map(PathBuf::from).collect(), ..Default::default() };
+            args.checkpoint(output.map(Path::new)).map_err(|error| error.to_string())
+        };
+        let expected = |seconds, file: &str| Ok(Some((Duration::from_secs(seconds), PathBuf::from(file))));
+        assert_eq!(read(&[], Some("a.exr")), Ok(None));
+        assert_eq!(read(&["10s"], Some("out/a.exr")), expected(10, "out/a.checkpoint"));
+        assert_eq!(read(&["part.7"], None), expected(60, "part.7"));
+        assert_eq!(read(&["2m", "part"], Some("a.exr")), expected(120, "part"));
+        assert!(read(&["2m"], None).is_err() && read(&["part", "2m"], None).is_err());
+    }
+}

@@ -1,0 +1,146 @@
+//! `pathspace view`: the live page of a scene, with a camera that is moved there. A view is rendered at a quarter of
+//! its size first, so that a dragged camera answers at once, then in full until it is complete or another is asked for.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use glam::DVec3;
+
+use super::args::ViewerArgs;
+use super::job::{self, Fallback};
+use super::live::page::ViewChange;
+use super::live::watch::Page;
+use super::quick;
+use super::report::Verbosity;
+use super::signal::Signals;
+use super::waiting::Waiting;
+use crate::error::Result;
+use crate::render::{Lens, Progress, RenderOptions, Renderer, Snapshot, StopReason};
+use crate::scene::orbit::{Distance, Orbit};
+use crate::scene::{Camera, Projection, Scene};
+
+/// By how much the first look at a view is smaller on each side.
+const COARSE: u32 = 4;
+
+/// Samples of the first look.
+const COARSE_SPP: u64 = 2;
+
+/// How often a finished view looks for signals.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Runs the command until a signal ends it.
+pub fn run(args: &ViewerArgs) -> Result<u8> {
+    let verbosity = Verbosity::of(args.quiet, false);
+    let signals = Signals::listen()?;
+    job::check(&args.settings)?;
+    // Before the scene is loaded, so that an address that is taken is known at once.
+    let mut page = Page::start(&args.address, args.serve_anywhere, verbosity)?;
+    let waiting = Waiting::begin(verbosity, "loading and building");
+    let scene = &job::load(&args.scene, &args.settings, Fallback::Studio)?;
+    let full = quick::sized(&args.settings, job::settings(&args.settings, scene)).spp(args.spp);
+    let coarse = full.clone().size(full.width.div_ceil(COARSE), full.height.div_ceil(COARSE)).spp(COARSE_SPP);
+    let mut renderer = Renderer::new(scene, full.clone())?;
+    drop(waiting);
+    verbosity.warnings(&scene.warnings);
+    verbosity.note("Ctrl-C ends it");
+    signals.defer();
+
+    let camera = scene.cameras[renderer.plan().camera].clone();
+    let mut seen = Seen { camera: camera.clone(), view: standing(scene, &camera, full.lens), moved: false };
+    let mut fine = false;
+    loop {
+        let options = if fine { &full } else { &coarse };
+        renderer.retarget(&RenderOptions { lens: seen.lens(options), ..options.clone() })?;
+        if seen.moved {
+            renderer.look_through(&seen.placed(scene, &full))?;
+        }
+        page.begin(&renderer, [full.width, full.height], Some(seen.view));
+        let render = {
+            let pages = std::cell::RefCell::new(&mut page);
+            let progress = |_: &Progress| {
+                let page = pages.borrow();
+                page.answer_replays(&renderer);
+                match signals.exit_code().is_some() || page.shared().has_view() {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
+            renderer.render_watched(progress, |snapshot: &Snapshot| {
+                let mut page = pages.borrow_mut();
+                page.show(snapshot.film, snapshot.elapsed, snapshot.spp);
+                page.answer_exr(&renderer, snapshot.film);
+            })?
+        };
+        if fine && render.stop != StopReason::Callback {
+            page.done();
+        }
+        let was_fine = std::mem::replace(&mut fine, true);
+        loop {
+            if let Some(code) = signals.exit_code() {
+                return Ok(code);
+            }
+            if let Some(view) = page.take_view() {
+                (seen.view, seen.moved, fine) = (view, true, false);
+                break;
+            }
+            if !was_fine || render.stop == StopReason::Callback {
+                break;
+            }
+            page.answer_replays(&renderer);
+            page.answer_exr(&renderer, &render.film);
+            page.shared().wait(PAUSE);
+        }
+    }
+}
+
+/// What is looked at, and whether it is still as the scene says.
+struct Seen {
+    camera: Camera,
+    view: ViewChange,
+    moved: bool,
+}
+
+impl Seen {
+    fn lens(&self, options: &RenderOptions) -> Option<Lens> {
+        let parallel = matches!(self.camera.projection, Projection::Orthographic { .. });
+        match self.moved {
+            false => options.lens,
+            true if parallel || self.view.aperture == 0.0 => None,
+            true => Some(Lens { radius_m: self.view.aperture as f32, focus_m: self.view.distance as f32 }),
+        }
+    }
+
+    fn placed(&self, scene: &Scene, full: &RenderOptions) -> Camera {
+        let mut camera = self.camera.clone();
+        if let (Projection::Perspective { yfov_rad, .. }, Some(fov)) = (&mut camera.projection, self.view.fov) {
+            *yfov_rad = (fov as f32).to_radians();
+        }
+        let orbit = Orbit {
+            azimuth_rad: self.view.azimuth.to_radians(),
+            elevation_rad: self.view.elevation.to_radians(),
+            distance: Distance::Metres(self.view.distance),
+            target: Some(DVec3::from_array(self.view.target)),
+        };
+        orbit.camera(scene, &camera, f64::from(full.width) / f64::from(full.height))
+    }
+}
+
+/// The view of a camera as it stands: about the point of its axis that is nearest to the middle of the scene.
+fn standing(scene: &Scene, camera: &Camera, lens: Option<Lens>) -> ViewChange {
+    let (least, most) = scene.bounds().unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
+    let (middle, radius) = (0.5 * (least + most), 0.5 * (most - least).length());
+    let eye = camera.position().as_dvec3();
+    let back = camera.world_from_camera.matrix3.z_axis.as_dvec3();
+    let distance = (middle - eye).dot(-back).max(0.05 * radius).max(1e-6);
+    ViewChange {
+        azimuth: back.x.atan2(back.z).to_degrees(),
+        elevation: back.y.clamp(-1.0, 1.0).asin().to_degrees(),
+        distance: lens.map_or(distance, |lens| f64::from(lens.focus_m).min(1e9)),
+        target: (eye - back * lens.map_or(distance, |lens| f64::from(lens.focus_m).min(1e9)) + scene.origin).to_array(),
+        fov: match camera.projection {
+            Projection::Perspective { yfov_rad, .. } => Some(f64::from(yfov_rad.to_degrees())),
+            Projection::Orthographic { .. } => None,
+        },
+        aperture: lens.map_or(0.0, |lens| f64::from(lens.radius_m)),
+    }
+}
