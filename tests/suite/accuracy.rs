@@ -1,9 +1,9 @@
-//! What accuracy costs: convergence, the study behind `pathspace accuracy`, FLIP against its published implementation, and
-//! the options that trade accuracy for time or space.
+//! What accuracy costs: convergence, the study behind `pathspace accuracy`, FLIP against its published implementation,
+//! and the options that trade accuracy for time or space.
 //!
-//! Oracles: the rate N⁻¹ of independent samples; the closed furnace, whose terms are ρᵏ; numbers printed by the authors'
-//! `flip-evaluator` 1.7. Seeds are fixed. What depends on the clock (how much a budget affords) is asserted only where
-//! the answer does not depend on it.
+//! Oracles: the rate N⁻¹ of independent samples; the closed furnace, whose terms are ρᵏ; numbers printed by the
+//! authors' `flip-evaluator` 1.7. Seeds are fixed. What depends on the clock (how much a budget affords) is asserted
+//! only where the answer does not depend on it.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -44,7 +44,7 @@ fn convergence(scene: &Scene, sampler: SamplerKind, reference: &[f64]) -> (f64, 
     let mut points = Vec::new();
     for level in 2..8 {
         for run in 0..4 {
-            let base = RenderOptions { seed: 100 + 16 * run + level, sampler, ..floor_options(1 << level) };
+            let base = floor_options(1 << level).seed(100 + 16 * run + level).sampler(sampler);
             let film = render(scene, base).film;
             let squares = film.pixels.iter().flat_map(|p| p.mean().into_iter().take(3));
             let mse = squares.zip(reference).map(|(v, r)| (v - r).powi(2)).sum::<f64>() / reference.len() as f64;
@@ -56,16 +56,16 @@ fn convergence(scene: &Scene, sampler: SamplerKind, reference: &[f64]) -> (f64, 
 }
 
 fn floor_options(spp: u64) -> RenderOptions {
-    RenderOptions { strategy: Strategy::LightOnly, max_depth: 2, ..options(48, 48, spp) }
+    options(48, 48, spp).strategy(Strategy::LIGHT).max_depth(2)
 }
 
-/// HARDCASES §6.3. 4·2304·3 values a level scatter ln MSE by 1.6 % or so (channels move together), its slope by 0.005:
-/// ±0.05 is ten of that. The reference has 4096 Sobol' points, whose error is 10⁻² of the smallest that is measured, or less.
+/// HARDCASES §6.3. 4·2304·3 values a level scatter ln MSE by 1.6 % or so (channels move together), its slope by
+/// 0.005: ±0.05 is ten of that. The reference has 4096 Sobol' points, whose error is 10⁻² of the smallest that is
+/// measured, or less.
 #[test]
 fn independent_samples_converge_with_their_number_and_sobol_points_faster() {
     let scene = lit_floor();
-    let reference: Vec<Film> =
-        (0..2).map(|run| render(&scene, RenderOptions { seed: 9000 + run, ..floor_options(2048) }).film).collect();
+    let reference: Vec<Film> = (0..2).map(|run| render(&scene, floor_options(2048).seed(9000 + run)).film).collect();
     let pixels = reference[0].pixels.iter().zip(&reference[1].pixels);
     let values: Vec<f64> = pixels.flat_map(|(a, b)| (0..3).map(|c| 0.5 * (a.mean()[c] + b.mean()[c]))).collect();
     assert!(values.iter().all(|v| *v > 1e-3), "the floor is lit everywhere");
@@ -98,11 +98,12 @@ fn study_of(scene: &Scene, base: RenderOptions, budget: f64) -> (Study, Report) 
     (study, report)
 }
 
-/// P03: by BSDF sampling without roulette every path of the furnace carries ρᵏ exactly, so a depth limit of M leaves out ρᴹ
-/// of the mean and has a bias² of (ρᴹ·L)²/(L² + 0.01·L²), whatever the clock affords. Exact up to f32: 10⁻⁵.
+/// P03: by BSDF sampling without roulette every path of the furnace carries ρᵏ exactly, so a depth limit of M leaves
+/// out ρᴹ of the mean and has a bias² of (ρᴹ·L)²/(L² + 0.01·L²), whatever the clock affords. Exact up to
+/// f32: 10⁻⁵.
 #[test]
 fn the_study_finds_the_truncation_of_the_furnace() {
-    let base = RenderOptions { strategy: Strategy::BsdfOnly, roulette: Roulette::Off, ..options(16, 16, 1) };
+    let base = options(16, 16, 1).strategy(Strategy::BSDF).roulette(Roulette::Off);
     // A machine that is busy with other tests gets more time; what is found does not depend on it.
     let budgets = [3.0, 12.0, 60.0].into_iter();
     let studies = budgets.map(|budget| study_of(&furnace(), base.clone(), budget));
@@ -222,12 +223,14 @@ fn hash(i: usize, c: usize) -> f32 {
     ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// Three pairs made of the shared references: each reference reduced to 128 columns by averaging blocks; against it the same
-/// with noise (±50 %, a value each), with fireflies (every 97th pixel times 50), and moved by one pixel and a fifth darker.
+/// Three pairs made of the shared references: each reference reduced to 128 columns by averaging blocks; against it the
+/// same with noise (±50 %, a value each), with fireflies (every 97th pixel times 50), and moved by one pixel and a
+/// fifth darker.
 ///
 /// The expected means were printed by the authors' program on the very same files: `pip install flip-evaluator==1.7`,
 /// this test with PATHSPACE_KEEP_PICTURES=1, then `flip -r flip-NAME-reference.exr -t flip-NAME-image.exr` in
-/// target/tmp (it prints six digits; more by its Python function `evaluate`). The limit is that of two summation orders in f32.
+/// target/tmp (it prints six digits; more by its Python function `evaluate`). The limit is that of two summation orders
+/// in f32.
 #[test]
 fn flip_agrees_with_the_published_implementation_on_three_scenes() {
     let Some(shared) = shared("FLIP on three scenes") else { return };
@@ -301,12 +304,12 @@ fn compare_warns_and_fails_as_idiff_does() {
     }
 }
 
-/// P01 with roulette from the first, third and ninth vertex: the mean is 1/(1 − ρ) each time. 4.9 standard errors (10⁻⁶
-/// each).
+/// P01 with roulette from the first, third and ninth vertex: the mean is 1/(1 − ρ) each time. 4.9 standard errors
+/// (10⁻⁶ each).
 #[test]
 fn where_roulette_starts_does_not_move_the_mean() {
     for start in [1, 3, 9] {
-        let options = RenderOptions { roulette_start: start, seed: 31 + u64::from(start), ..RenderOptions::default() };
+        let options = RenderOptions::default().roulette_start(start).seed(31 + u64::from(start));
         let estimate = probe(&furnace(), Vec3::new(0.1, 0.2, -0.1), Vec3::new(0.3, -0.5, 0.8), 1 << 15, options);
         estimate.expect(&format!("roulette from vertex {start}"), 2.0, 2e-5, 1e-2);
     }
@@ -318,7 +321,7 @@ fn half_pictures_are_rounded_once() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("half.exr");
     let film = film_of(&[[0.1, 1.0, 65000.0], [1e6, -1e6, 1.0 / 3.0]], 2);
-    film.write_exr(&path, &ExrOptions { half: true, ..ExrOptions::default() }).expect("a writable folder");
+    film.write_exr(&path, &ExrOptions::default().half(true)).expect("a writable folder");
     let read = read_exr(&path).expect("just written").rgb;
     assert_eq!(read[1][..2], [65504.0, -65504.0]);
     for (read, value) in [(read[0][0], 0.1f32), (read[0][1], 1.0), (read[0][2], 65000.0), (read[1][2], 1.0 / 3.0)] {

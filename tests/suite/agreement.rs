@@ -1,5 +1,5 @@
-//! Two ways to the same number: strategies, roulette, backends, ray widths. Compared per block of 8×8 pixels by Welch's t
-//! over independent seeds. Family-wise false-alarm rate 1e-4 per comparison; seeds fixed.
+//! Two ways to the same number: strategies, roulette, backends, ray widths. Compared per block of 8×8 pixels by
+//! Welch's t over independent seeds. Family-wise false-alarm rate 1e-4 per comparison; seeds fixed.
 
 use glam::Vec3;
 use pathspace::backend::BackendKind;
@@ -58,11 +58,7 @@ fn blocks(
 ) -> Vec<(f64, f64)> {
     let per_seed: Vec<Vec<f64>> = (0..SEEDS)
         .map(|seed| {
-            let base = RenderOptions {
-                seed: first_seed + seed,
-                sampler: SamplerKind::Independent,
-                ..options(SIDE, SIDE, spp)
-            };
+            let base = options(SIDE, SIDE, spp).seed(first_seed + seed).sampler(SamplerKind::Independent);
             let film = render(scene, configure(base)).film;
             let mut sums = vec![0.0; ((SIDE / BLOCK) * (SIDE / BLOCK)) as usize];
             for y in 0..SIDE {
@@ -102,9 +98,9 @@ fn strategies_agree_in_expectation() {
     let mut scene = mixed_room();
     scene.punctual.clear(); // BSDF sampling cannot find it.
     let mis = blocks(&scene, |o| o, 32, 100);
-    for (strategy, spp) in [(Strategy::MisBalance, 32), (Strategy::LightOnly, 64), (Strategy::BsdfOnly, 256)] {
-        let other = blocks(&scene, |o| RenderOptions { strategy, ..o }, spp, 200);
-        expect_equal(&format!("mis against {strategy:?}"), &mis, &other);
+    for (strategy, spp) in [(Strategy::MIS_BALANCE, 32), (Strategy::LIGHT, 64), (Strategy::BSDF, 256)] {
+        let other = blocks(&scene, |o| o.strategy(strategy), spp, 200);
+        expect_equal(&format!("mis against {strategy}"), &mis, &other);
     }
 }
 
@@ -112,8 +108,8 @@ fn strategies_agree_in_expectation() {
 fn roulette_on_and_off_agree() {
     let scene = mixed_room();
     let on = blocks(&scene, |o| o, 64, 300);
-    let off = blocks(&scene, |o| RenderOptions { roulette: Roulette::Off, ..o }, 64, 400);
-    let constant = blocks(&scene, |o| RenderOptions { roulette: Roulette::Constant(0.8), ..o }, 64, 500);
+    let off = blocks(&scene, |o| o.roulette(Roulette::Off), 64, 400);
+    let constant = blocks(&scene, |o| o.roulette(Roulette::Constant(0.8)), 64, 500);
     expect_equal("roulette on against off", &on, &off);
     expect_equal("roulette constant against off", &constant, &off);
 }
@@ -122,7 +118,7 @@ fn roulette_on_and_off_agree() {
 fn samplers_agree() {
     let scene = mixed_room();
     let independent = blocks(&scene, |o| o, 64, 600);
-    let sobol = blocks(&scene, |o| RenderOptions { sampler: SamplerKind::Sobol, ..o }, 64, 700);
+    let sobol = blocks(&scene, |o| o.sampler(SamplerKind::Sobol), 64, 700);
     expect_equal("sobol against independent", &sobol, &independent);
 }
 
@@ -130,9 +126,9 @@ fn samplers_agree() {
 fn backends_agree() {
     let scene = mixed_room();
     let kinds = BackendKind::available();
-    let first = blocks(&scene, |o| RenderOptions { backend: Some(kinds[0]), ..o }, 16, 800);
+    let first = blocks(&scene, |o| o.backend(kinds[0]), 16, 800);
     for &kind in &kinds[1..] {
-        let other = blocks(&scene, |o| RenderOptions { backend: Some(kind), ..o }, 16, 800);
+        let other = blocks(&scene, |o| o.backend(kind), 16, 800);
         expect_equal(&format!("{} against {}", kinds[0].name(), kind.name()), &first, &other);
     }
 }

@@ -1,11 +1,12 @@
-//! Extra outputs of a render. Oracles: the picture itself, and a scene whose first hits are known by hand. Deterministic.
+//! Extra outputs of a render. Oracles: the picture itself, and a scene whose first hits are known by hand.
+//! Deterministic.
 
-use glam::Vec3;
-use pathspace::film::aov::{self, Aov, Channel, Sources};
-use pathspace::plan::options::RenderOptions;
-use pathspace::render::{Render, Renderer};
+use glam::{Affine3A, DVec3, Vec3};
+use pathspace::film::channel::Channel;
+use pathspace::plan::Aov;
+use pathspace::render::{CameraChoice, FilterKind, Render, Renderer};
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::{Projection, Scene};
+use pathspace::scene::{Mesh, Projection, Scene};
 
 use crate::common::{options, render};
 
@@ -20,14 +21,13 @@ fn half_a_wall() -> Scene {
 }
 
 fn channels(render: &Render, aovs: &[Aov]) -> Vec<Channel> {
-    let first_hits = render.first_hits.as_deref();
-    aov::channels(aovs, &Sources { film: &render.film, lengths: render.lengths.as_ref(), first_hits, max_depth: 64 })
+    render.film.channels(aovs, 64)
 }
 
 #[test]
 fn first_hits_are_those_of_the_scene() {
-    let aovs = vec![Aov::Albedo, Aov::Normal, Aov::Depth, Aov::Position];
-    let render = render(&half_a_wall(), RenderOptions { aovs: aovs.clone(), ..options(8, 8, 4) });
+    let aovs = vec![Aov::ALBEDO, Aov::NORMAL, Aov::DEPTH, Aov::POSITION];
+    let render = render(&half_a_wall(), options(8, 8, 4).aovs(aovs.clone()));
     let channels = channels(&render, &aovs);
     let at = |name: &str, x: usize, y: usize| {
         channels.iter().find(|c| c.name == name).unwrap_or_else(|| panic!("no channel {name}")).values[y * 8 + x]
@@ -44,19 +44,52 @@ fn first_hits_are_those_of_the_scene() {
     }
 }
 
+/// A wall seen from behind whose corners lean by 45°: the geometric normal is that of the plane, the shading normal
+/// leans, both turned to the viewer.
+#[test]
+fn geometric_normals_do_not_lean_with_the_corners() {
+    let mut b = SceneBuilder::new();
+    let material = b.lambert(Vec3::ONE);
+    let positions = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| Vec3::new(x, y, -1.0));
+    let leaning = Vec3::new(1.0, 0.0, -1.0).normalize();
+    let wall = b.full_mesh(Mesh {
+        name: "wall".into(),
+        positions: positions.to_vec(),
+        triangles: vec![[0, 2, 1], [0, 3, 2]],
+        normals: Some(vec![leaning; 4]),
+        material,
+        ..Mesh::default()
+    });
+    b.place(wall, Affine3A::IDENTITY);
+    b.camera(Vec3::new(0.0, 0.0, -4.0), Vec3::ZERO, Vec3::Y, 0.5);
+    b.camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, Vec3::Y, 0.5);
+    let scene = b.build();
+    for (camera, side) in [(0, -1.0), (1, 1.0)] {
+        let options =
+            options(4, 4, 4).aovs(vec![Aov::NORMAL, Aov::GEOMETRIC_NORMAL]).camera(CameraChoice::Index(camera));
+        let film = render(&scene, options.filter(FilterKind::Box)).film;
+        let layer = |aov| film.layer(aov).expect("asked for");
+        let close = |found: [f64; 3], expected: Vec3| DVec3::from(found).distance(expected.as_dvec3()) < 1e-6;
+        assert!(layer(Aov::GEOMETRIC_NORMAL).iter().all(|&n| close(n, side * Vec3::Z)), "{side}");
+        assert!(layer(Aov::NORMAL).iter().all(|&n| close(n, -side * leaning)), "{side}");
+        // The wall has no texture coordinates.
+        assert!(film.channels(&[Aov::UV], 1).is_empty());
+    }
+}
+
 /// What is asked for besides changes no bit of the picture; what is not asked for has no stage.
 #[test]
 fn extra_outputs_leave_the_picture_alone() {
     let scene = half_a_wall();
     let plain = Renderer::new(&scene, options(8, 8, 4)).expect("a valid scene");
-    let asked = RenderOptions { aovs: Aov::ALL.to_vec(), ..options(8, 8, 4) };
+    let asked = options(8, 8, 4).aovs(Aov::all().collect::<Vec<_>>());
     let full = Renderer::new(&scene, asked).expect("a valid scene");
     for stage in ["per-length", "first-hit"] {
         assert!(!plain.plan().stages.contains(&stage) && full.plan().stages.contains(&stage), "{stage}");
     }
     let (plain, full) = (plain.render().expect("renders"), full.render().expect("renders"));
     assert_eq!(plain.film.hash(), full.film.hash());
-    assert!(plain.lengths.is_none() && plain.first_hits.is_none());
+    assert_eq!((plain.film.planes().len(), full.film.planes().len()), (0, 9));
     assert!(full.counters.rays_camera > plain.counters.rays_camera);
 }
 
@@ -67,8 +100,8 @@ fn bounces_sum_to_the_picture() {
     let material = b.emitter(Vec3::new(0.9, 0.5, 0.1), Vec3::ONE);
     b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, material);
     b.camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.3, 0.1), Vec3::Y, 1.0);
-    let render = render(&b.build(), RenderOptions { aovs: vec![Aov::Bounces], ..options(16, 16, 8) });
-    let channels = channels(&render, &[Aov::Bounces]);
+    let render = render(&b.build(), options(16, 16, 8).aovs(vec![Aov::BOUNCES]));
+    let channels = channels(&render, &[Aov::BOUNCES]);
     assert_eq!(channels.len(), 48);
     for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
         for (p, pixel) in render.film.pixels.iter().enumerate() {

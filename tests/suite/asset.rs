@@ -1,11 +1,12 @@
-//! A production-style asset (FlightHelmet: 15 textures, normal maps, blended lenses) under a photographed environment against
-//! a golden: the mean of every block of 8×8 pixels with its variance, from a render with many samples.
+//! A production-style asset (FlightHelmet: 15 textures, normal maps, blended lenses) under a photographed environment
+//! against a golden: the mean of every block of 8×8 pixels with its variance, from a render with many samples.
 //!
-//! Statistics. A block's variance is the sum of its pixels' own (64 differences of two halves), so a block's difference to the
-//! golden over its standard error is Student's t of 64 degrees and more. The limit is that for 10⁻⁴ over all blocks and channels
-//! (Bonferroni), plus 0.3 % of the block: what filtering textures otherwise, at this size, may change. So the test survives other
-//! random numbers, and sees a material, light or texture that changes a block by more than its noise (the rows say how
-//! much that is). Rare bright paths (the sun by way of a lens) make t wider than Student's; 256 samples are enough here.
+//! Statistics. A block's variance is the sum of its pixels' own (64 differences of two halves), so a block's difference
+//! to the golden over its standard error is Student's t of 64 degrees and more. The limit is that for 10⁻⁴ over all
+//! blocks and channels (Bonferroni), plus 0.3 % of the block: what filtering textures otherwise, at this size, may
+//! change. So the test survives other random numbers, and sees a material, light or texture that changes a block by
+//! more than its noise (the rows say how much that is). Rare bright paths (the sun by way of a lens) make t wider than
+//! Student's; 256 samples are enough here.
 //!
 //! `make golden` writes the golden anew; that is a commit of its own, which says why.
 
@@ -15,7 +16,6 @@ use glam::{Affine3A, Mat3A, Vec3};
 use pathspace::Scene;
 use pathspace::backend::BackendKind;
 use pathspace::film::Film;
-use pathspace::render::RenderOptions;
 use pathspace::scene::{Camera, Projection};
 use pathspace_stat::t_limit;
 use serde::{Deserialize, Serialize};
@@ -93,7 +93,7 @@ fn blocks(film: &Film) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
 }
 
 fn picture(scene: &Scene, backend: BackendKind, spp: u64, seed: u64) -> Film {
-    render(scene, RenderOptions { backend: Some(backend), seed, ..options(SIZE.0, SIZE.1, spp) }).film
+    render(scene, options(SIZE.0, SIZE.1, spp).backend(backend).seed(seed)).film
 }
 
 #[test]

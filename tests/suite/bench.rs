@@ -10,7 +10,7 @@ use pathspace::backend::{self, BackendKind, BackendOptions, QueryMode};
 use pathspace::bench::agree::Agreement;
 use pathspace::bench::record::{RayClass, Recording, count};
 use pathspace::bench::replay;
-use pathspace::render::{RenderOptions, Renderer};
+use pathspace::render::Renderer;
 
 use crate::common::options;
 
@@ -26,7 +26,7 @@ fn cornell_box() -> Scene {
 #[test]
 fn a_recording_holds_every_ray_of_the_frame_and_changes_nothing() {
     let scene = cornell_box();
-    let options = RenderOptions { threads: 2, ..options(40, 24, 6) };
+    let options = options(40, 24, 6).threads(2);
     let renderer = Renderer::new(&scene, options).expect("valid options");
     let (recording, render) = Recording::of(&renderer, AMPLE_BYTES).expect("a render");
     let counters = &render.counters;
@@ -56,8 +56,8 @@ fn a_small_budget_keeps_waves_spread_over_the_frame() {
     assert!(count(&sample).iter().all(|rays| *rays >= 1000), "{:?}", count(&sample));
 }
 
-/// Oracle: `brute`, whose hits obvhs has bit for bit; those of the others differ by rounding only, so no ray of this closed box may
-/// change from hit to miss or move by more than the stated tolerance.
+/// Oracle: `brute`, whose hits obvhs has bit for bit; those of the others differ by rounding only, so no ray of this
+/// closed box may change from hit to miss or move by more than the stated tolerance.
 #[test]
 fn replays_meet_the_same_in_every_backend_and_mode() {
     let scene = cornell_box();
@@ -65,7 +65,8 @@ fn replays_meet_the_same_in_every_backend_and_mode() {
     let (recording, _) = Recording::of(&renderer, AMPLE_BYTES).expect("a render");
     let waves: Vec<_> = recording.waves.iter().map(Vec::as_slice).collect();
     let build = |kind, mode| {
-        backend::build(kind, renderer.geometry(), &BackendOptions::with_mode(mode)).unwrap_or_else(|e| panic!("{e}"))
+        backend::select::build(kind, renderer.geometry(), &BackendOptions::with_mode(mode))
+            .unwrap_or_else(|e| panic!("{e}"))
     };
     let reference = replay::outcomes(build(BackendKind::Brute, QueryMode::Single).as_ref(), &waves);
     assert_eq!(reference.len() as u64, recording.rays().iter().sum::<u64>());

@@ -59,8 +59,8 @@ fn the_view_is_fitted_and_never_stretched() {
     }
 }
 
-/// Oracle: symmetry. Focused at infinity all rays of a film point are parallel; the middle of the lens is the pinhole; all rays
-/// of a film point meet in the plane in focus, which is perpendicular to the axis.
+/// Oracle: symmetry. Focused at infinity all rays of a film point are parallel; the middle of the lens is the pinhole;
+/// all rays of a film point meet in the plane in focus, which is perpendicular to the axis.
 #[test]
 fn lens_rays_meet_in_the_plane_in_focus() {
     let mut camera = perspective(1.0, None);
@@ -90,8 +90,8 @@ fn lens_rays_meet_in_the_plane_in_focus() {
     }
 }
 
-/// Oracle: points on camera rays. Row vector times matrix, as OpenEXR defines: camera space is left-handed with z along the
-/// view, NDC has (0,0) top left and (1,1) bottom right. Coordinates include the scene's origin.
+/// Oracle: points on camera rays. Row vector times matrix, as OpenEXR defines: camera space is left-handed with z along
+/// the view, NDC has (0,0) top left and (1,1) bottom right. Coordinates include the scene's origin.
 #[test]
 fn exr_matrices_follow_renderman() {
     let scene_origin = DVec3::new(1e4, -2e4, 3e4);

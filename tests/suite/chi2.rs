@@ -1,6 +1,6 @@
 //! Chi-square of the samplers of lights, of the lens and of the pixel filter against their densities (class T4 of
-//! HARDCASES §1.3); those of the BSDFs are in `bsdf::chi2`. Accepted above p = 1e-6 each: 8 tests, false-alarm rate below
-//! 1e-5 for the file; seeds fixed.
+//! HARDCASES §1.3); those of the BSDFs are in `bsdf::chi2`. Accepted above p = 1e-6 each: 8 tests, false-alarm rate
+//! below 1e-5 for the file; seeds fixed.
 
 use glam::{Affine3A, DVec3, Vec3};
 use pathspace::camera::CameraRays;

@@ -1,5 +1,5 @@
-//! The built binary as a stranger uses it: exit codes, messages, files. Oracle: the command line's contract (DESIGN §8).
-//! All deterministic.
+//! The built binary as a stranger uses it: exit codes, messages, files. Oracle: the command line's contract (DESIGN
+//! §8). All deterministic.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -70,8 +70,19 @@ fn help_and_version_go_to_stdout() {
     let flags = [
         "--output",
         "--png",
+        "--jpg",
         "--exposure",
+        "--tone-map",
+        "--transparent",
+        "--background",
+        "--size",
+        "--fov",
+        "--look-at",
+        "--camera-orbit",
+        "--make-path",
+        "--quick",
         "--aov",
+        "--reproducible",
         "--stats",
         "--spp",
         "--samples",
@@ -110,12 +121,22 @@ fn help_and_version_go_to_stdout() {
 
 #[test]
 fn usage_errors_exit_2_and_name_the_option() {
-    let cases: [(&[&str], &str); 27] = [
+    let cases: [(&[&str], &str); 36] = [
         (&[], "Usage"),
         (&["paint"], "paint"),
         (&["render"], "SCENE"),
-        (&["render", "a.gltf"], "--output"),
-        (&["render", "a.gltf", "-o", "a.jpg"], "--output"),
+        (&["render", "a.gltf", "-o", "a.gif"], "--output"),
+        (&["render", "a.gltf", "-o", "a.exr", "--error", "5"], "5% or 0.05"),
+        (&["render", "a.gltf", "-o", "a.exr", "--width", "512x512"], "--size 512x512"),
+        (&["render", "a.gltf", "-o", "a.exr", "--size", "512"], "1920x1080"),
+        (&["render", "a.gltf", "-o", "a.exr", "--size", "5x5", "--width", "5"], "--width"),
+        (&["render", "a.gltf", "-o", "a.exr", "--texture-memory", "4 parsecs"], "4G"),
+        (&["render", "a.gltf", "-o", "a.exr", "--fov", "180"], "--fov"),
+        (&["render", "a.gltf", "-o", "a.exr", "--camera-orbit", "30"], "AZ,EL"),
+        (&["render", "a.gltf", "-o", "f_%04d.exr"], "pattern"),
+        (&["render", "a.gltf", "-o", "a.exr", "--env", "b.gltf"], "b.gltf is a scene"),
+        (&["render", "a.gltf", "-o", "a.jpg", "--transparent"], "JPEG has no transparency"),
+        (&["render", "a.gltf", "-o", "-", "--stats", "-"], "stdout"),
         (&["render", "a.gltf", "-o", "a.exr", "--time", "soon"], "--time"),
         (&["render", "a.gltf", "-o", "a.exr", "--error", "-1"], "--error"),
         (&["render", "a.gltf", "-o", "a.exr", "--crop", "10x10"], "--crop"),
@@ -125,7 +146,6 @@ fn usage_errors_exit_2_and_name_the_option() {
         (&["render", "a.gltf", "-o", "a.exr", "--aov", "colour"], "bounces"),
         (&["render", "a.gltf", "-o", "a.png", "--aov", "spp"], "--aov"),
         (&["render", "a.gltf", "-o", "a.exr", "--aov", "spp,stderr,spp"], "--aov: 'spp'"),
-        (&["render", "a.gltf", "-o", "a.exr", "--exposure", "1"], "--exposure"),
         (&["render", "a.gltf", "-o", "a.exr", "--aperture-radius", "0.1"], "--focus-distance"),
         (&["render", "a.gltf", "-o", "a.exr", "--env-rotation", "90"], "--env"),
         (&["render", "a.gltf", "-o", "a.exr", "--aperture-radius", "-1", "--focus-distance", "1"], "--aperture-radius"),
@@ -190,7 +210,7 @@ fn missing_files_and_folders_exit_1_and_are_named() {
     // The output's folder is looked at before the scene.
     let missing = folder.path().join("missing/a.exr");
     let output = run(1, &["render", "no-such-scene.gltf", "-o", text(&missing)]);
-    assert!(err(&output).contains("missing"), "{}", err(&output));
+    assert!(err(&output).contains("missing") && err(&output).contains("--make-path"), "{}", err(&output));
 
     let output = run(1, &["info", "no-such-scene.glb"]);
     assert!(err(&output).contains("no-such-scene.glb") && err(&output).lines().count() == 1, "{}", err(&output));
@@ -231,6 +251,13 @@ fn compare_has_the_exit_codes_of_idiff() {
     assert!(err(&output).contains("broken.exr") && out(&output).is_empty());
     run(4, &["compare", a, "no-such-image.exr"]);
 
+    // A picture of the difference: all black but for the pixel that is off by half of what is there, which is yellow.
+    let drawn = path("diff.png");
+    run(2, &["compare", b, a, "-o", text(&drawn)]);
+    assert!(std::fs::read(&drawn).expect("drawn").starts_with(b"\x89PNG"));
+    let output = run(4, &["compare", a, "seen.png"]);
+    assert!(err(&output).contains("only OpenEXR"), "{}", err(&output));
+
     // By hand: (I − R)² = 1/16 in one of 100 pixels, R = 0.5 there.
     let record = json(&run(2, &["compare", b, a, "--json"]).stdout);
     let number = |key: &str| record[key].as_f64().unwrap_or(f64::NAN);
@@ -266,8 +293,14 @@ fn info_prints_the_plan_as_json_with_the_contracted_keys() {
     let lit = json(&run(0, &more).stdout);
     let lights = |record: &serde_json::Value| record["scene"]["lights"].as_u64().expect("a count");
     assert_eq!(lights(&lit), lights(&record) + 1, "{lit}");
+    // What an artist asks first, and the machine's part with -v.
     let plain = out(&run(0, &["info", text(&scene)]));
-    assert!(plain.contains("stages") && plain.contains("triangles"), "{plain}");
+    let words: Vec<_> = plain.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(words[..4], ["scene", "size", "cameras", "picture"], "{plain}");
+    // On a busy machine the pilot may see too little to predict from, and says so.
+    assert!(plain.contains("\ntime ") && plain.contains("triangles") && !plain.contains("stages"), "{plain}");
+    let whole = out(&run(0, &["info", text(&scene), "-v", "--width", "64", "--max-depth", "3"]));
+    assert!(whole.contains("stages") && whole.contains("64x64"), "{whole}");
 }
 
 #[test]
@@ -287,6 +320,34 @@ fn verify_prints_a_table_or_json_and_refuses_by_material() {
     let output = run(4, &["verify", text(&glass)]);
     assert!(err(&output).contains("/materials/") && err(&output).contains("Lambert"), "{}", err(&output));
     assert!(out(&output).is_empty() && err(&output).lines().count() == 1, "{}", err(&output));
+}
+
+/// Oracle: the other file. With the clock in it a file differs in the clock alone, so attributes are in a fixed order.
+#[test]
+fn reproducible_renders_are_equal_files() {
+    let scene = cornell_box();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = |name: &str, more: &[&str]| {
+        let exr = folder.path().join(name);
+        let mut args = vec!["render", text(&scene), "-o", text(&exr), "--width", "40", "--height", "24", "--spp", "3"];
+        let layers = pathspace::plan::Aov::all().map(pathspace::plan::Aov::name).collect::<Vec<_>>().join(",");
+        args.extend(["--aov", &layers, "--backend", "flat"]);
+        args.extend(more);
+        run(0, &args);
+        std::fs::read(&exr).expect("just written")
+    };
+    let one = file("a.exr", &["--reproducible", "-t", "1"]);
+    assert!(one == file("b.exr", &["--reproducible", "-t", "2"]), "the files differ");
+    assert!(!one.windows(17).any(|bytes| bytes == b"renderTimeSeconds"));
+    let [mut c, mut d] = ["c.exr", "d.exr"].map(|name| file(name, &[]));
+    for bytes in [&mut c, &mut d] {
+        let key: &[u8] = b"renderTimeSeconds\0float\0\x04\0\0\0";
+        let at = bytes.windows(key.len()).position(|bytes| bytes == key).expect("the clock is in it") + key.len();
+        bytes[at..at + 4].fill(0);
+    }
+    assert!(c == d, "the files differ in more than the clock");
+    let output = run(2, &["render", text(&scene), "-o", "a.png", "--reproducible"]);
+    assert!(err(&output).contains("--reproducible"), "{}", err(&output));
 }
 
 #[test]
@@ -402,7 +463,9 @@ fn progress_is_lines_or_objects_as_asked() {
     assert!(percents.last().is_some_and(|(percent, facts)| *percent == "100" && facts.contains(" 4 spp")), "{plain}");
     let tens = percents.iter().map(|(percent, _)| percent.trim().parse::<u32>().expect("a number") / 10);
     assert_eq!(tens.collect::<std::collections::BTreeSet<_>>().len(), percents.len(), "{plain}");
-    assert!(plain.contains(" 1.02 k paths"), "{plain}");
+    assert!(err(&with(&["--progress", "none", "-v"])).contains(" 1.02 k paths"));
+    // Nobody asked, and it is done within a second: no line of progress, and one that says how it went.
+    assert!(err(&with(&[])).lines().count() == 1 && err(&with(&[])).contains("noise "), "{}", err(&with(&[])));
     assert!(err(&with(&["--progress", "tty"])).contains('\x1b'));
     // Not a terminal: no control sequences, and quiet means silent.
     assert!(!err(&with(&[])).contains('\x1b'));

@@ -22,7 +22,7 @@ pub fn shared(what: &str) -> Option<PathBuf> {
 
 /// Options for tests: box filter, so that pixels are independent.
 pub fn options(width: u32, height: u32, spp: u64) -> RenderOptions {
-    RenderOptions { filter: FilterKind::Box, ..RenderOptions::new(width, height).spp(spp) }
+    RenderOptions::new(width, height).spp(spp).filter(FilterKind::Box)
 }
 
 /// Renders, panicking with the error's text.
@@ -76,8 +76,8 @@ impl Estimate {
         (self.variance[channel] / self.n).sqrt()
     }
 
-    /// T1 of HARDCASES §1.3: within 4.9 standard errors (two-sided 1e-6) plus `tau`, and able to see a relative bias of
-    /// `delta`.
+    /// T1 of HARDCASES §1.3: within 4.9 standard errors (two-sided 1e-6) plus `tau`, and able to see a relative bias
+    /// of `delta`.
     pub fn expect(&self, what: &str, expected: f64, tau: f64, delta: f64) {
         for c in 0..3 {
             let limit = 4.9 * self.standard_error(c);
@@ -109,17 +109,15 @@ pub fn probe_film(scene: &Scene, origin: Vec3, direction: Vec3, n: u32, options:
     let mut scene = scene.clone();
     scene.cameras.push(single_ray(origin, direction));
     let side = (n as f64).sqrt().ceil() as u32;
+    let spp = options.spp.unwrap_or(1);
     render(
         &scene,
-        RenderOptions {
-            width: side,
-            height: side,
-            spp: Some(options.spp.unwrap_or(1)),
-            camera: CameraChoice::Index(scene.cameras.len() - 1),
-            filter: FilterKind::Box,
-            sampler: SamplerKind::Independent,
-            ..options
-        },
+        options
+            .size(side, side)
+            .spp(spp)
+            .camera(CameraChoice::Index(scene.cameras.len() - 1))
+            .filter(FilterKind::Box)
+            .sampler(SamplerKind::Independent),
     )
 }
 

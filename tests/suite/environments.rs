@@ -1,5 +1,5 @@
-//! Environments: the conventions of the shared scenes, and that light sampling and looking up agree. What they give is in
-//! `hard/environment.rs`. Seeds are fixed.
+//! Environments: the conventions of the shared scenes, and that light sampling and looking up agree. What they give is
+//! in `hard/environment.rs`. Seeds are fixed.
 
 use std::f64::consts::PI;
 use std::sync::Arc;

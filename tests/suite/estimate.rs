@@ -1,9 +1,9 @@
-//! Does a render know its error? The film's variance against the variance over seeds, the coverage of the intervals, and
-//! how often `--error` keeps its promise, on the six scenes at thumbnail size.
+//! Does a render know its error? The film's variance against the variance over seeds, the coverage of the intervals,
+//! and how often `--error` keeps its promise, on the six scenes at thumbnail size.
 //!
-//! The truth is the mean over the seeds themselves: against it the squared deviation of one of S pictures is (1 − 1/S) of
-//! what it is against the converged picture, which is taken into account. Verdicts are those of fixed seeds; what a redraw
-//! of all random numbers would do is said at each test.
+//! The truth is the mean over the seeds themselves: against it the squared deviation of one of S pictures is (1 −
+//! 1/S) of what it is against the converged picture, which is taken into account. Verdicts are those of fixed seeds;
+//! what a redraw of all random numbers would do is said at each test.
 //!
 //! `PATHSPACE_ESTIMATE_TABLE=1 cargo test --test suite estimate:: -- --nocapture` prints the tables.
 
@@ -72,10 +72,11 @@ fn table(line: impl std::fmt::Display) {
     }
 }
 
-/// Oracle: ∫∫ 4xy = 1. The mean of 64 points of a smooth integrand, 4096 times: the film's rule on two scrambles, and the
-/// formula for independent samples. Both estimate the variance over the repetitions of independent samples; of Sobol'
-/// points the first does, the second is off by more than a factor of ten. Relative standard errors of the two sides are
-/// √(2/4096) = 2.2 % each (more for Sobol', whose sums are not normal); within 20 %: no false alarm to speak of.
+/// Oracle: ∫∫ 4xy = 1. The mean of 64 points of a smooth integrand, 4096 times: the film's rule on two scrambles,
+/// and the formula for independent samples. Both estimate the variance over the repetitions of independent samples; of
+/// Sobol' points the first does, the second is off by more than a factor of ten. Relative standard errors of the two
+/// sides are √(2/4096) = 2.2 % each (more for Sobol', whose sums are not normal); within 20 %: no false alarm to
+/// speak of.
 #[test]
 fn independent_formula_fails_for_sobol_points_and_halves_do_not() {
     fn ratios<S: Scheme>() -> [f64; 2] {
@@ -115,7 +116,7 @@ fn independent_formula_fails_for_sobol_points_and_halves_do_not() {
 fn the_film_s_variance_is_that_over_seeds() {
     let scene = scene("cornell-box").expect("it is in the repository");
     let total = |spp: u64, sampler: SamplerKind| {
-        let options = RenderOptions { sampler, ..RenderOptions::new(12, 12).spp(spp) };
+        let options = RenderOptions::new(12, 12).spp(spp).sampler(sampler);
         let mut renderer = Renderer::new(&scene, options).unwrap_or_else(|e| panic!("{e}"));
         let films: Vec<Film> = (0..120).map(|seed| film_of(&mut renderer, seed)).collect();
         let images: Vec<_> = films.iter().map(rgb).collect();
@@ -158,7 +159,8 @@ fn coverage(name: &str, spp: u64, seeds: u64) -> Option<Coverage> {
     };
     let ratio = estimates.iter().map(|e| e.relmse).sum::<f64>() / count / expected;
     table(format_args!(
-        "{name:15} {spp:4} spp: relMSE {expected:.4}, estimate/true {ratio:.2}, reliable {:.0} %; covered: relMSE {:.1} %, mean {:.1} %",
+        "{name:15} {spp:4} spp: relMSE {expected:.4}, estimate/true {ratio:.2}, reliable {:.0} %; \
+         covered: relMSE {:.1} %, mean {:.1} %",
         100.0 * share(&|e| e.reliable),
         100.0 * result.relmse,
         100.0 * result.mean
@@ -166,9 +168,9 @@ fn coverage(name: &str, spp: u64, seeds: u64) -> Option<Coverage> {
     Some(result)
 }
 
-/// The 95 % intervals over the scenes × 200 seeds, of relMSE (against its mean over the seeds) and of the picture's mean:
-/// 93 to 97 % hold. A binomial of 1200 has a standard deviation of 0.6 %, so of 95 % a redraw leaves the range in one case
-/// of 600; single scenes scatter by 1.5 % around values of their own, which are held above 85 %.
+/// The 95 % intervals over the scenes × 200 seeds, of relMSE (against its mean over the seeds) and of the picture's
+/// mean: 93 to 97 % hold. A binomial of 1200 has a standard deviation of 0.6 %, so of 95 % a redraw leaves the range in
+/// one case of 600; single scenes scatter by 1.5 % around values of their own, which are held above 85 %.
 #[test]
 fn intervals_hold_in_93_to_97_percent() {
     let spp = [32, 128, 64, 32, 32, 64];
@@ -181,9 +183,10 @@ fn intervals_hold_in_93_to_97_percent() {
     }
 }
 
-/// `--error` on the six scenes × 40 seeds: the true error is below the target in at least 95 % of the pictures of every
-/// scene. The truth for each is the sum of all the others and a long run, some 40 times the samples of the picture. The
-/// promise is of 99 % before looking several times; at 98 % a redraw leaves a scene with a chance of 1 in 20.
+/// `--error` on the six scenes × 40 seeds: the true error is below the target in at least 95 % of the pictures of
+/// every scene. The truth for each is the sum of all the others and a long run, some 40 times the samples of the
+/// picture. The promise is of 99 % before looking several times; at 98 % a redraw leaves a scene with a chance of 1 in
+/// 20.
 #[test]
 fn error_targets_are_kept() {
     let (seeds, side) = (40u64, 16);
@@ -191,7 +194,7 @@ fn error_targets_are_kept() {
         let Some(scene) = scene(name) else { continue };
         let build = |options| Renderer::new(&scene, options).unwrap_or_else(|e| panic!("{e}"));
         let mut all = film_of(&mut build(RenderOptions::new(side, side).spp(4096)), 1);
-        let mut renderer = build(RenderOptions { error: Some(target), ..RenderOptions::new(side, side) });
+        let mut renderer = build(RenderOptions::new(side, side).error(target));
         let renders: Vec<_> = (100..100 + seeds)
             .map(|seed| {
                 renderer.set_seed(seed);
@@ -200,7 +203,7 @@ fn error_targets_are_kept() {
             .collect();
         for render in &renders {
             assert_eq!(render.stop, StopReason::Error);
-            all.merge_tile(all.window, &render.film.pixels);
+            all.merge(&render.film).expect("the same picture");
         }
         let error = |render: &Render| {
             let image = rgb(&render.film);
@@ -216,7 +219,8 @@ fn error_targets_are_kept() {
         spp.sort_unstable();
         let middle = seeds as usize / 2;
         table(format_args!(
-            "{name:15} target {target}: kept {kept} of {seeds}, error median {:.4} largest {:.4}, spp median {} largest {}",
+            "{name:15} target {target}: kept {kept} of {seeds}, error median {:.4} largest {:.4}, \
+             spp median {} largest {}",
             errors[middle],
             errors[errors.len() - 1],
             spp[middle],
@@ -231,7 +235,7 @@ fn error_targets_are_kept() {
 fn stopping_depends_on_nothing_but_the_film() {
     let scene = scene("cornell-box").expect("it is in the repository");
     let run = |threads: usize| {
-        let options = RenderOptions { error: Some(0.05), threads, ..RenderOptions::new(16, 16) };
+        let options = RenderOptions::new(16, 16).error(0.05).threads(threads);
         let renderer = Renderer::new(&scene, options).unwrap_or_else(|e| panic!("{e}"));
         renderer.render().unwrap_or_else(|e| panic!("{e}"))
     };

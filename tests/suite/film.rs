@@ -6,9 +6,9 @@ use exr::prelude::{
 };
 use pathspace::Error;
 use pathspace::film::Film;
-use pathspace::film::aov::{self, Aov, FirstHit, Sources};
 use pathspace::film::exr::{ExrOptions, ViewMatrices, read_exr};
-use pathspace::film::lengths::{LENGTHS, LengthSums};
+use pathspace::film::layer::bounces::LENGTHS;
+use pathspace::plan::Aov;
 use pathspace::render::Crop;
 
 /// A film of `window` whose pixel (x, y) has mean (x, y, −0.5, 0.75) and halves that differ by 2 in red.
@@ -19,6 +19,25 @@ fn gradient(resolution: (u32, u32), window: Crop) -> Film {
         for half in 0..2 {
             let red = x as f32 + if half == 0 { 1.0 } else { -1.0 };
             pixel.add(half, [red, y as f32, -0.5], 1.0, 0.75);
+        }
+    }
+    film
+}
+
+/// A film of 4 × 3 pixels with two samples from number 32 on and a value in every layer.
+fn layered() -> Film {
+    let window = Crop { x: 0, y: 0, width: 4, height: 3 };
+    let mut film = Film::with_layers((4, 3), window, &Aov::all().collect::<Vec<_>>());
+    film.first_sample = 32;
+    film.pixels = gradient((4, 3), window).pixels;
+    for plane in film.planes_mut() {
+        for p in 0..12 {
+            let values = plane.pixel_mut(p);
+            match values.len() {
+                // Sums of two samples: paths of e edges bring e.
+                51 => values.iter_mut().enumerate().for_each(|(i, value)| *value = 2.0 * (i / 3) as f64),
+                _ => values.copy_from_slice(&[4.0, 6.0, 8.0]),
+            }
         }
     }
     film
@@ -45,27 +64,16 @@ fn a_cropped_film_comes_back_from_its_file() {
 fn attributes_and_channels_are_those_of_the_contract() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("full.exr");
-    let film = gradient((4, 3), Crop { x: 0, y: 0, width: 4, height: 3 });
+    let film = layered();
     let view = ViewMatrices { world_to_camera: [2.0; 16], world_to_ndc: [3.0; 16] };
-    let mut lengths = LengthSums::new(film.window);
-    for (sums, n) in lengths.sums.iter_mut().zip(&mut lengths.n) {
-        *sums = std::array::from_fn(|edges| [2.0 * edges as f64; 3]);
-        *n = 2;
-    }
-    let hit = FirstHit { albedo: [0.1, 0.2, 0.3], normal: [0.0, 0.0, 1.0], depth: 4.0, position: [5.0, 6.0, 7.0] };
-    let hits = [hit; 12];
-    let sources = Sources { film: &film, lengths: Some(&lengths), first_hits: Some(&hits), max_depth: 64 };
-    let options = ExrOptions {
-        channels: aov::channels(&Aov::ALL, &sources),
-        render_seconds: Some(1.5),
-        view: Some(view),
-        seed: Some(u64::MAX),
-        sample_range: Some((0, 2)),
-        backend: Some("brute 0.1.0".into()),
-        isa: Some("scalar".into()),
-        plan: Some("camera 日, 3 × é".into()),
-        half: false,
-    };
+    let options = ExrOptions::default()
+        .channels(film.channels(&Aov::all().collect::<Vec<_>>(), 64))
+        .render_seconds(1.5)
+        .view(view)
+        .seed(u64::MAX)
+        .backend("brute 0.1.0".to_string())
+        .isa("scalar".to_string())
+        .plan("camera 日, 3 × é".to_string());
     film.write_exr(&path, &options).expect("a writable folder");
     let image = read_first_flat_layer_from_file(&path).expect("just written");
     let layer = &image.layer_data;
@@ -77,7 +85,8 @@ fn attributes_and_channels_are_those_of_the_contract() {
         .into_iter()
         .chain(bounces)
         .flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}.{c}")))
-        .chain(["R", "G", "B", "A", "spp.Y", "Z", "N.X", "N.Y", "N.Z", "P.X", "P.Y", "P.Z"].map(String::from))
+        .chain(["R", "G", "B", "A", "spp.Y", "Z", "N.X", "N.Y", "N.Z", "Ng.X", "Ng.Y", "Ng.Z"].map(String::from))
+        .chain(["P.X", "P.Y", "P.Z", "UV.U", "UV.V"].map(String::from))
         .collect();
     expected.sort();
     assert_eq!(names, expected);
@@ -91,10 +100,9 @@ fn attributes_and_channels_are_those_of_the_contract() {
     // Paths of e edges have e − 1 bounces; the last accumulator is the tail. A depth limit leaves out what cannot be.
     assert_eq!((channel("bounce_00.G"), channel("bounce_14.R")), (vec![1.0; 12], vec![15.0; 12]));
     assert_eq!(channel("bounce_tail.B"), vec![(LENGTHS - 1) as f32; 12]);
-    assert_eq!((channel("N.Z"), channel("Z"), channel("P.Y")), (vec![1.0; 12], vec![4.0; 12], vec![6.0; 12]));
+    assert_eq!((channel("N.Z"), channel("Z"), channel("P.Y")), (vec![4.0; 12], vec![4.0; 12], vec![6.0; 12]));
     for (max_depth, count) in [(1, 3), (15, 45), (16, 48), (17, 48)] {
-        assert_eq!(aov::channels(&[Aov::Bounces], &Sources { max_depth, ..sources }).len(), count);
-        assert_eq!(aov::channel_count(Aov::Bounces, max_depth), count);
+        assert_eq!(film.channels(&[Aov::BOUNCES], max_depth).len(), count);
     }
 
     let attributes = &layer.attributes;
@@ -111,7 +119,7 @@ fn attributes_and_channels_are_those_of_the_contract() {
     assert_eq!(other("colorInteropID"), text("lin_rec709_scene"));
     assert_eq!(other("pathspace/version"), text(env!("CARGO_PKG_VERSION")));
     assert_eq!(other("pathspace/seed"), text("18446744073709551615"));
-    assert_eq!(other("pathspace/sampleRange"), text("0..2"));
+    assert_eq!(other("pathspace/sampleRange"), text("32..34"));
     assert_eq!(other("pathspace/backend"), text("brute 0.1.0"));
     assert_eq!(other("pathspace/isa"), text("scalar"));
     let plan = other("pathspace/plan").expect("written");

@@ -1,17 +1,18 @@
-//! The same scene elsewhere, or at another size: the picture may not know. The shared scenes under a root node that scales or moves
-//! everything, lights and camera with it; punctual lights in W/sr grow with the square of the scale.
+//! The same scene elsewhere, or at another size: the picture may not know. The shared scenes under a root node that
+//! scales or moves everything, lights and camera with it; punctual lights in W/sr grow with the square of the scale.
 //!
-//! Oracles: powers of two scale every f32 operation exactly, so the film has to be the same bit for bit (HARDCASES G10); so it has to be
-//! wherever the moved scene, once its new origin is subtracted, has the same placements (G11). Everywhere else rounding may send
-//! single paths elsewhere: the same seeds are rendered, and the differences of block means are judged by Student's t over the
-//! seeds, with 10⁻⁴ of the mean for rounding itself. Limit: family-wise 10⁻⁴ a comparison (16 blocks of 8×8 pixels, 7
-//! degrees of freedom), at most.
+//! Oracles: powers of two scale every f32 operation exactly, so the film has to be the same bit for bit (HARDCASES
+//! G10); so it has to be wherever the moved scene, once its new origin is subtracted, has the same placements (G11).
+//! Everywhere else rounding may send single paths elsewhere: the same seeds are rendered, and the differences of block
+//! means are judged by Student's t over the seeds, with 10⁻⁴ of the mean for rounding itself. Limit: family-wise
+//! 10⁻⁴ a comparison (16 blocks of 8×8 pixels, 7 degrees of freedom), at most.
 
 use std::path::{Path, PathBuf};
 
-use glam::{DMat4, DVec3, DVec4, Vec3};
+use glam::{DMat4, DVec3, DVec4};
 use pathspace::backend::BackendKind;
-use pathspace::plan::options::{Aov, RenderOptions};
+use pathspace::film::Film;
+use pathspace::plan::Aov;
 use pathspace::render::Renderer;
 use pathspace::scene::Scene;
 use serde_json::{Value, json};
@@ -117,7 +118,7 @@ fn same_placements(a: &Scene, b: &Scene) -> bool {
 }
 
 fn film_hash(scene: &Scene, backend: BackendKind) -> u64 {
-    render(scene, RenderOptions { backend: Some(backend), ..options(SIDE, SIDE, 4) }).film.hash()
+    render(scene, options(SIDE, SIDE, 4).backend(backend)).film.hash()
 }
 
 /// The backends that a scene of this size is worth.
@@ -158,7 +159,8 @@ fn scenes_moved_far_away_give_the_same_bits_or_the_same_picture() {
             }
             if same_placements(&base, &moved) {
                 exact += 1;
-                // The largest scene takes long to build: once is enough where everything that is built upon is the same.
+                // The largest scene takes long to build: once is enough where everything that is built upon is the
+                // same.
                 if base.triangle_count() < 500_000 || by == moves[0] {
                     let backend = BackendKind::available()[0];
                     assert_eq!(film_hash(&moved, backend), film_hash(&base, backend), "{name} moved by {by:?}");
@@ -186,14 +188,14 @@ fn scenes_scaled_by_other_factors_give_the_same_picture() {
     }
 }
 
-/// Block means of the same seeds differ by rounding and by single paths alone, on every backend (of the largest scene, which takes
-/// long to build, on the first).
+/// Block means of the same seeds differ by rounding and by single paths alone, on every backend (of the largest scene,
+/// which takes long to build, on the first).
 fn same_picture(what: &str, a: &Scene, b: &Scene) {
     let enough = if a.triangle_count() > 500_000 { 1 } else { usize::MAX };
     for backend in backends(a).filter(|kind| *kind != BackendKind::Brute).take(enough) {
         let what = format!("{what}, {}", backend.name());
         let blocks = |scene: &Scene| -> Vec<Vec<f64>> {
-            let options = RenderOptions { backend: Some(backend), ..options(SIDE, SIDE, 4) };
+            let options = options(SIDE, SIDE, 4).backend(backend);
             let mut renderer = Renderer::new(scene, options).unwrap_or_else(|e| panic!("{what}: {e}"));
             let mut film_of = |seed| {
                 renderer.set_seed(seed);
@@ -223,8 +225,8 @@ fn same_picture(what: &str, a: &Scene, b: &Scene) {
     }
 }
 
-/// Means of blocks over pixels that count at most [`CAP`]: equal pictures stay equal, and one path that met the rim of a small bright
-/// light by a rounding does not hide the rest.
+/// Means of blocks over pixels that count at most [`CAP`]: equal pictures stay equal, and one path that met the rim of
+/// a small bright light by a rounding does not hide the rest.
 fn block_means(film: &pathspace::film::Film) -> Vec<f64> {
     let across = SIDE / BLOCK;
     let mut sums = vec![0.0; (across * across) as usize];
@@ -241,25 +243,30 @@ fn block_means(film: &pathspace::film::Film) -> Vec<f64> {
 fn a_moved_scene_reports_the_coordinates_of_its_file() {
     let Some(variants) = Variants::open("coordinates of a moved scene") else { return };
     let by = DVec3::new(0.0, 1_048_576.0, -1e5);
-    let options = || RenderOptions { aovs: vec![Aov::Position, Aov::Depth], ..options(16, 16, 1) };
+    let options = || options(16, 16, 1).aovs(vec![Aov::POSITION, Aov::DEPTH]);
     let (base, moved) = (variants.load("veach-mis", None), variants.load("veach-mis", Some(Change::Move(by.into()))));
-    let at_home = render(&base, options()).first_hits.expect("asked for");
+    let first_hits = |film: &Film| {
+        let layer = |aov| film.layer(aov).expect("asked for");
+        let hits = layer(Aov::DEPTH).into_iter().zip(layer(Aov::POSITION));
+        hits.map(|(depth, position)| (depth[0], DVec3::from(position))).collect::<Vec<_>>()
+    };
+    let at_home = first_hits(&render(&base, options()).film);
     let renderer = Renderer::new(&moved, options()).expect("a valid scene");
-    let away = renderer.render().expect("a render").first_hits.expect("asked for");
+    let away = first_hits(&renderer.render().expect("a render").film);
     let values = renderer.camera().world_to_camera(moved.origin).map(f64::from);
     // Row vectors, row-major: columns of the matrix for column vectors.
     let camera_from_world = DMat4::from_cols_array(&values);
     let mut hits = 0;
-    for (number, (home, away)) in (0..).zip(at_home.iter().zip(&away)).filter(|(_, (home, _))| home.depth < f32::MAX) {
+    let met = |depth: f64| depth < f64::from(f32::MAX);
+    for (number, (home, away)) in (0..).zip(at_home.iter().zip(&away)).filter(|(_, (home, _))| met(home.0)) {
         hits += 1;
-        assert_eq!(home.depth, away.depth);
-        let expected = Vec3::from(home.position).as_dvec3() + by;
-        let found = Vec3::from(away.position).as_dvec3();
+        assert_eq!(home.0, away.0);
+        let (expected, found) = (home.1 + by, away.1);
         // Half an ulp at 2^20 m.
         assert!((found - expected).abs().max_element() <= 0.0626, "{found}, expected {expected}");
         // The matrix is in f32 as well: a metre at most for products of 2^20 m, ten operations of half an ulp each.
         let depth = (camera_from_world * DVec4::from((found, 1.0))).z;
-        assert!((depth - f64::from(away.depth)).abs() <= 1.0, "{depth} along the axis, expected {}", away.depth);
+        assert!((depth - away.0).abs() <= 1.0, "{depth} along the axis, expected {}", away.0);
         let told = renderer.replay((number % 16, number / 16), 0).expect("a pixel of the picture");
         assert!(DVec3::from(told.vertices[0].origin_m).distance(by) < 100.0, "{told:?}");
     }

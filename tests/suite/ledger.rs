@@ -6,16 +6,15 @@ use pathspace::plan::options::{RenderOptions, Roulette, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::Scene;
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::stats::{Inputs, Seconds, Stats};
+use pathspace::stats::{Seconds, Stats};
 
 use crate::common::{options, shared};
 
 /// Renders and returns the statistics.
 pub fn stats(scene: &Scene, options: RenderOptions) -> Stats {
-    let renderer = Renderer::new(scene, options.clone()).expect("valid options");
+    let renderer = Renderer::new(scene, options).expect("valid options");
     let render = renderer.render().expect("renders");
-    let (plan, backend, seconds) = (renderer.plan(), renderer.backend_info(), Seconds::default());
-    Stats::new(&Inputs { scene, options: &options, plan, backend, render: &render, seconds })
+    Stats::new(&renderer, &render, Seconds::default())
 }
 
 /// A closed room that emits 1 and reflects `albedo` everywhere.
@@ -31,18 +30,13 @@ fn energy_removed(bias: &Bias) -> (f64, f64) {
     (bias.energy_removed.expect("measured"), bias.energy_removed_at_most.expect("bounded"))
 }
 
-/// P03: a limit of M edges removes the fraction ρ^M. Deterministic under cosine sampling without roulette: all that is left
-/// is the rounding of M products and of ρ itself. The bound lies above by the uncertainty of the number of capped paths,
-/// 1.645/√n of it and a little, unless all paths are capped: in a furnace the largest radiance is the mean.
+/// P03: a limit of M edges removes the fraction ρ^M. Deterministic under cosine sampling without roulette: all that is
+/// left is the rounding of M products and of ρ itself. The bound lies above by the uncertainty of the number of capped
+/// paths, 1.645/√n of it and a little, unless all paths are capped: in a furnace the largest radiance is the mean.
 #[test]
 fn a_furnace_lacks_exactly_what_the_ledger_says() {
     for (albedo, edges) in [(0.5f32, 1u32), (0.5, 9), (0.8, 17), (0.9, 9), (0.9, 65), (0.99, 65)] {
-        let options = RenderOptions {
-            strategy: Strategy::BsdfOnly,
-            roulette: Roulette::Off,
-            max_depth: edges,
-            ..options(16, 16, 4)
-        };
+        let options = options(16, 16, 4).strategy(Strategy::BSDF).roulette(Roulette::Off).max_depth(edges);
         let stats = stats(&furnace(albedo), options);
         let (removed, most) = energy_removed(&stats.bias[0]);
         let expected = f64::from(albedo).powi(edges as i32);
@@ -57,19 +51,20 @@ fn a_furnace_lacks_exactly_what_the_ledger_says() {
     }
 }
 
-/// The same with roulette and light sampling: a path carries at most 1, so the mean of n paths has a standard error of at
-/// most √(W/n); 4.9 of them, false alarms 10⁻⁶.
+/// The same with roulette and light sampling: a path carries at most 1, so the mean of n paths has a standard error of
+/// at most √(W/n); 4.9 of them, false alarms 10⁻⁶.
 #[test]
 fn roulette_does_not_change_what_the_ledger_expects() {
     let (n, edges) = (64.0 * 64.0 * 16.0, 9);
-    let stats = stats(&furnace(0.9), RenderOptions { max_depth: edges, ..options(64, 64, 16) });
+    let stats = stats(&furnace(0.9), options(64, 64, 16).max_depth(edges));
     let (removed, most) = energy_removed(&stats.bias[0]);
     let expected = 0.9f64.powi(edges as i32);
     assert!((removed - expected).abs() < 4.9 * (expected / n).sqrt(), "{removed} for {expected}");
     assert!(most > removed && stats.capped_paths > 0);
 }
 
-/// A default render of a diffuse scene lists the depth limit alone, with a bound; glass has none, and says so by `null`.
+/// A default render of a diffuse scene lists the depth limit alone, with a bound; glass has none, and says so by
+/// `null`.
 #[test]
 fn default_renders_list_the_depth_limit_only() {
     let Some(shared) = shared("the ledgers of the shared scenes") else { return };
@@ -93,7 +88,7 @@ fn other_biases_are_listed_by_name() {
     b.sphere(Vec3::ZERO, 0.2, 4, false, false, glass);
     b.point_light(Vec3::new(0.0, 0.9, 0.0), Vec3::ONE);
     b.camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.3, 0.1), Vec3::Y, 1.0);
-    let stats = stats(&b.build(), RenderOptions { strategy: Strategy::BsdfOnly, ..options(8, 8, 2) });
+    let stats = stats(&b.build(), options(8, 8, 2).strategy(Strategy::BSDF));
     let what: Vec<&str> = stats.bias.iter().map(|bias| bias.what.as_str()).collect();
     assert_eq!(what.len(), 3, "{what:?}");
     assert!(what[1].contains("punctual") && what[2].contains("index of refraction 40"), "{what:?}");

@@ -1,5 +1,5 @@
-//! What makes an area light, and what of it is left to others; its numbers are in `hard/area_lights.rs`. Seeds are fixed and
-//! nothing here is statistical: no false alarms.
+//! What makes an area light, and what of it is left to others; its numbers are in `hard/area_lights.rs`. Seeds are
+//! fixed and nothing here is statistical: no false alarms.
 
 use glam::Vec3;
 use pathspace::scene::{ColorSpace, Material, Scene, Texture, TextureId, TextureSlot, Wrap};
@@ -9,8 +9,8 @@ use crate::meter::{Random, geometry, material, square_light};
 
 const ORIGIN: Vec3 = Vec3::ZERO;
 
-/// Exact: which pairs of triangles are one light, and that its points are those of the two. Halves in any order of their
-/// corners, placed and rounded; not halves of a kite, of a bent sheet, nor back to back, nor of two materials.
+/// Exact: which pairs of triangles are one light, and that its points are those of the two. Halves in any order of
+/// their corners, placed and rounded; not halves of a kite, of a bent sheet, nor back to back, nor of two materials.
 #[test]
 fn parallelograms_are_found() {
     let mut random = Random(120);

@@ -1,5 +1,5 @@
-//! An irradiance meter for tests of lights, and hand-made lights to hold it to: E = ∫ L cos⁺ dω at a point with a normal,
-//! estimated by light sampling alone, without visibility.
+//! An irradiance meter for tests of lights, and hand-made lights to hold it to: E = ∫ L cos⁺ dω at a point with a
+//! normal, estimated by light sampling alone, without visibility.
 
 use std::f64::consts::PI;
 

@@ -1,10 +1,9 @@
-//! The deterministic solver against closed forms, published numbers and the path tracer (HARDCASES §4.3; the path tracer by
-//! itself is in `hard`). The solver has no randomness; comparisons with the path tracer are at 4.9 standard errors (10⁻⁶)
-//! each, plus the solver's own interval.
+//! The deterministic solver against closed forms, published numbers and the path tracer (HARDCASES §4.3; the path
+//! tracer by itself is in `hard`). The solver has no randomness; comparisons with the path tracer are at 4.9 standard
+//! errors (10⁻⁶) each, plus the solver's own interval.
 
 use glam::Vec3;
 use pathspace::backend::{self, Backend, BackendKind, BackendOptions};
-use pathspace::plan::options::RenderOptions;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::Geometry;
 use pathspace::scene::ids::MeshId;
@@ -19,7 +18,7 @@ use crate::ledger::stats;
 
 fn backend_of(scene: &Scene) -> Box<dyn Backend> {
     let kind = BackendKind::available()[0];
-    backend::build(kind, &Geometry::build(scene), &BackendOptions::default()).expect("a backend of this build")
+    backend::select::build(kind, &Geometry::build(scene), &BackendOptions::default()).expect("a backend of this build")
 }
 
 fn solve(scene: &Scene, patches: usize) -> [Solution; 3] {
@@ -45,8 +44,8 @@ fn face_means(solution: &Solution, k: usize) -> [f64; 5] {
     std::array::from_fn(|face| sums[face] / areas[face])
 }
 
-/// Oracle: the table of HARDCASES §4.3, made by another solver (rectangles, corner sums, extrapolated to 10⁻⁷). The
-/// solver's own interval, formed as `verify` forms it, must hold the table's values, and be worth something.
+/// Oracle: the table of HARDCASES §4.3, made by another solver (rectangles, corner sums, extrapolated to 10⁻⁷).
+/// The solver's own interval, formed as `verify` forms it, must hold the table's values, and be worth something.
 #[test]
 fn the_solver_meets_the_published_room() {
     let [coarse, middle, fine] = solve(&lamp_room(), 1500);
@@ -91,8 +90,8 @@ fn check(scene: &Scene, options: &VerifyOptions, term: Option<&dyn Fn(usize) -> 
     found
 }
 
-/// P01 and P02: surfaces that all emit 1 and reflect ρ. Term k is ρᵏ for any closed shape, whatever the patches; the late
-/// ratio is ρ, and what lies beyond the depth limit is ρ^64.
+/// P01 and P02: surfaces that all emit 1 and reflect ρ. Term k is ρᵏ for any closed shape, whatever the patches;
+/// the late ratio is ρ, and what lies beyond the depth limit is ρ^64.
 #[test]
 fn terms_of_a_closed_sphere_are_powers_of_the_albedo() {
     let albedo = Vec3::new(0.5, 0.8, 0.9);
@@ -102,7 +101,7 @@ fn terms_of_a_closed_sphere_are_powers_of_the_albedo() {
     b.camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.3, 0.1), Vec3::Y, 1.0);
     let scene = b.build();
     let power = |k: usize| albedo.to_array().map(|rho| f64::from(rho).powi(k as i32));
-    let options = VerifyOptions { patches: 16, spp: 64, resolution: (24, 24), ..VerifyOptions::default() };
+    let options = VerifyOptions::default().patches(16).spp(64).resolution((24, 24));
     let found = check(&scene, &options, Some(&power));
     for (ratio, rho) in found.spectral_radius.iter().zip(power(1)) {
         assert!((ratio / rho - 1.0).abs() < 1e-9, "{ratio} for {rho}");
@@ -117,7 +116,8 @@ fn terms_of_a_closed_sphere_are_powers_of_the_albedo() {
     );
 }
 
-/// P04's lamp on the tessellated sphere: the polar cap emits (10, 5, 2.5) and reflects nothing, the rest reflects by colour.
+/// P04's lamp on the tessellated sphere: the polar cap emits (10, 5, 2.5) and reflects nothing, the rest reflects by
+/// colour.
 #[test]
 fn a_sphere_with_a_lamp_agrees_term_by_term() {
     let mut b = SceneBuilder::new();
@@ -137,7 +137,7 @@ fn a_sphere_with_a_lamp_agrees_term_by_term() {
     scene.meshes[0].triangles = rest;
     scene.meshes.push(second);
     scene.instances.push(pathspace::scene::Instance { mesh: MeshId(1), ..scene.instances[0].clone() });
-    let options = VerifyOptions { patches: 500, spp: 128, resolution: (24, 24), ..VerifyOptions::default() };
+    let options = VerifyOptions::default().patches(500).spp(128).resolution((24, 24));
     let found = check(&scene, &options, None);
     let direct = &found.comparisons[1].channels[0];
     assert!(direct.limit() < 0.02 * direct.solver, "{direct:?}");
@@ -148,7 +148,7 @@ fn a_sphere_with_a_lamp_agrees_term_by_term() {
 fn the_cornell_box_agrees_term_by_term() {
     let Some(shared) = shared("the operator check of cornell-box") else { return };
     let scene = Scene::load(shared.join("scenes/cornell-box.gltf")).expect("a shared scene");
-    let options = VerifyOptions { patches: 1000, spp: 256, resolution: (32, 32), ..VerifyOptions::default() };
+    let options = VerifyOptions::default().patches(1000).spp(256).resolution((32, 32));
     let found = check(&scene, &options, None);
     for (c, worth) in found.comparisons.iter().zip([1e-4, 5e-3, 0.1, 0.15]) {
         for term in &c.channels {
@@ -157,18 +157,17 @@ fn the_cornell_box_agrees_term_by_term() {
     }
 }
 
-/// What the ledger of biases measures at the cap, against the solver's sum of all terms beyond it. The ledger takes the light
-/// at the last vertices for as bright as the picture's mean, which this room has to within a fifth (limits of 2, 4 and 8
-/// edges: 1.06, 1.05 and 1.12 times the solver's share); noise and discretisation are below 3 % each.
+/// What the ledger of biases measures at the cap, against the solver's sum of all terms beyond it. The ledger takes the
+/// light at the last vertices for as bright as the picture's mean, which this room has to within a fifth (limits of 2,
+/// 4 and 8 edges: 1.06, 1.05 and 1.12 times the solver's share); noise and discretisation are below 3 % each.
 #[test]
 fn the_ledger_tells_what_a_depth_limit_removes() {
     let Some(shared) = shared("the depth limits of cornell-box") else { return };
     let scene = Scene::load(shared.join("scenes/cornell-box.gltf")).expect("a shared scene");
     for max_depth in [2, 4, 8] {
-        let options =
-            VerifyOptions { patches: 500, spp: 2, resolution: (32, 32), max_depth, ..VerifyOptions::default() };
+        let options = VerifyOptions::default().patches(500).spp(2).resolution((32, 32)).max_depth(max_depth);
         let expected = verify::verify(&scene, &options).expect("a diffuse scene").beyond_depth;
-        let stats = stats(&scene, RenderOptions { max_depth, ..crate::common::options(32, 32, 64) });
+        let stats = stats(&scene, crate::common::options(32, 32, 64).max_depth(max_depth));
         let removed = stats.bias[0].energy_removed.expect("measured");
         let most = stats.bias[0].energy_removed_at_most.expect("bounded");
         assert!((removed / expected - 1.0).abs() < 0.2, "{max_depth} edges: {removed} for {expected}");

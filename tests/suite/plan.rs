@@ -2,18 +2,22 @@
 //! scene gets the stages that it asks for and no others. Oracle: the film's hash, and tables written by hand.
 //! Deterministic.
 
+use std::path::Path;
+
 use glam::{Affine3A, Vec2, Vec3, Vec4};
-use pathspace::Scene;
 use pathspace::backend::{BackendKind, QueryMode};
-use pathspace::plan::Gate;
-use pathspace::render::{Lens, RenderOptions, Renderer, Strategy};
+use pathspace::math::simd::detect;
+use pathspace::plan::{Aov, Features, Gate, RenderPlan};
+use pathspace::render::{Lens, RenderOptions, Renderer, Strategy, Techniques, TextureFilter};
 use pathspace::scene::builder::SceneBuilder;
+use pathspace::scene::geometry::Geometry;
 use pathspace::scene::{
     AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, MeshId, Projection, PunctualKind,
     Texture, TextureId, TextureSlot, Wrap,
 };
+use pathspace::{Result, Scene};
 
-use crate::common::{options, render};
+use crate::common::{options, render, shared};
 
 const EYE: Vec3 = Vec3::new(0.1, 0.2, 2.6);
 
@@ -122,7 +126,7 @@ fn sheer() -> Scene {
             ..paper.clone()
         });
         let world_from_object = Affine3A::from_translation(Vec3::new(0.0, 0.0, offset));
-        scene.instances.push(Instance { mesh: MeshId(scene.meshes.len() as u32 - 1), world_from_object });
+        scene.instances.push(Instance::new(MeshId(scene.meshes.len() as u32 - 1), world_from_object));
     }
     scene
 }
@@ -139,18 +143,18 @@ fn backends() -> impl Iterator<Item = BackendKind> {
 fn forced_gates_change_no_bit() {
     for (name, scene) in scenes() {
         for kind in backends() {
-            let small = RenderOptions { backend: Some(kind), threads: 2, ..options(24, 24, 4) };
+            let small = options(24, 24, 4).backend(kind).threads(2);
             let hash = |forced: &[Gate], options: &RenderOptions| {
-                render(&scene, RenderOptions { forced: forced.to_vec(), ..options.clone() }).film.hash()
+                render(&scene, options.clone().forced(forced.to_vec())).film.hash()
             };
             let plain = hash(&[], &small);
             for gate in Gate::ALL {
                 assert_eq!(hash(&[gate], &small), plain, "{name} on {}: {}", kind.name(), gate.name());
             }
             assert_eq!(hash(&Gate::ALL, &small), plain, "{name} on {}: all gates", kind.name());
-            for strategy in [Strategy::BsdfOnly, Strategy::LightOnly, Strategy::MisBalance] {
-                let options = RenderOptions { strategy, ..small.clone() };
-                assert_eq!(hash(&Gate::ALL, &options), hash(&[], &options), "{name} on {}: {strategy:?}", kind.name());
+            for strategy in [Strategy::BSDF, Strategy::LIGHT, Strategy::MIS_BALANCE] {
+                let options = small.clone().strategy(strategy);
+                assert_eq!(hash(&Gate::ALL, &options), hash(&[], &options), "{name} on {}: {strategy}", kind.name());
             }
         }
     }
@@ -166,8 +170,8 @@ fn forced_gates_change_no_bit_of_odd_scenes() {
     builder.environment(Environment::constant(Vec3::ZERO));
     let scene = builder.build();
     let camera = pathspace::render::CameraChoice::Index(1);
-    let options = RenderOptions { camera, ..options(24, 24, 4) };
-    let forced = RenderOptions { forced: Gate::ALL.to_vec(), ..options.clone() };
+    let options = options(24, 24, 4).camera(camera);
+    let forced = options.clone().forced(Gate::ALL);
     let (plain, forced) = (render(&scene, options).film, render(&scene, forced).film);
     assert_eq!(plain.hash(), forced.hash());
     assert!(plain.pixels.iter().any(|p| p.sum[0][3] == 0.0), "some rays leave the scene");
@@ -193,12 +197,12 @@ fn a_scene_runs_the_stages_that_it_calls_for() {
     );
 
     let lens = Some(Lens { radius_m: 0.01, focus_m: 2.0 });
-    assert!(stages(&diffuse(), RenderOptions { lens, ..plain() }).contains(&"raygen-lens"));
-    let bsdf = RenderOptions { strategy: Strategy::BsdfOnly, ..plain() };
+    assert!(stages(&diffuse(), plain().lens(lens)).contains(&"raygen-lens"));
+    let bsdf = plain().strategy(Strategy::BSDF);
     assert!(!stages(&diffuse(), bsdf).contains(&"light-sampling"));
-    let forced = stages(&dark(), RenderOptions { forced: Gate::ALL.to_vec(), ..plain() });
+    let forced = stages(&dark(), plain().forced(Gate::ALL));
     for stage in
-        ["raygen-lens", "environment", "absorption", "smooth-normals", "textures", "light-sampling", "transmittance"]
+        ["raygen-lens", "environment", "media", "smooth-normals", "textures", "light-sampling", "transmittance"]
     {
         assert!(forced.contains(&stage), "{stage} is not in {forced:?}");
     }
@@ -232,8 +236,117 @@ fn what_does_nothing_calls_for_nothing() {
     for (camera, expected) in [(0, true), (1, false)] {
         let lens = Some(Lens { radius_m: 0.01, focus_m: 2.0 });
         let camera = pathspace::render::CameraChoice::Index(camera);
-        assert_eq!(features(&scene, RenderOptions { lens, camera, ..options(8, 8, 1) }).lens, expected);
+        assert_eq!(features(&scene, options(8, 8, 1).lens(lens).camera(camera)).lens, expected);
     }
+}
+
+/// Every loadable glTF file under `folder`.
+fn scenes_in(folder: &Path, scenes: &mut Vec<(String, Scene)>) {
+    for entry in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+        if entry.is_dir() {
+            scenes_in(&entry, scenes);
+        } else if entry.extension().is_some_and(|extension| extension == "gltf" || extension == "glb")
+            && let Ok(scene) = Scene::load(&entry)
+        {
+            scenes.push((entry.display().to_string(), scene));
+        }
+    }
+}
+
+/// Gates of the plan and names in its lists, written by hand.
+fn named(f: &Features) -> Vec<(&'static str, bool)> {
+    vec![
+        ("lens", f.lens),
+        ("smooth-normals", f.smooth_normals),
+        ("base-colour-textures", f.base_color_textures),
+        ("metallic-roughness-textures", f.metallic_roughness_textures),
+        ("normal-maps", f.normal_maps),
+        ("emissive-textures", f.emissive_textures),
+        ("texture-filter", f.footprints),
+        ("more-texture-coordinates", f.more_uvs),
+        ("vertex-colours", f.vertex_colors),
+        ("unlit", f.unlit),
+        ("area-lights", f.area_lights),
+        ("double-sided-lamps", f.double_sided_lamps),
+        ("dielectric-coat", f.coated),
+        ("solid-dielectric", f.dielectric),
+        ("absorption", f.absorption),
+        ("thin-transmission", f.thin),
+        ("environment", f.environment),
+        ("punctual-lights", f.punctual),
+        ("instancing", f.instancing),
+        ("per-length-images", f.per_length),
+        ("first-hit", f.first_hit),
+        ("shutter", f.shutter),
+    ]
+}
+
+/// Oracle: the contract of `effects`, and the gates. Nothing that is found is lost, whatever else is found: a gate that
+/// is open has its name in `simulated`, and what is found is either simulated or ignored, each thing once. Forcing
+/// gates finds nothing and leaves out no stage.
+#[test]
+fn nothing_found_is_lost() {
+    let mut all: Vec<_> = scenes().into_iter().map(|(name, scene)| (name.to_string(), scene)).collect();
+    if let Some(folder) = shared("the effects of the shared scenes") {
+        ["scenes", "cases", "assets"].iter().for_each(|part| scenes_in(&folder.join(part), &mut all));
+    }
+    let plain = || options(8, 8, 1);
+    let lens = Some(Lens { radius_m: 0.01, focus_m: 2.0 });
+    let variants = [
+        plain(),
+        plain().texture_filter(TextureFilter::Trilinear).lens(lens),
+        plain().strategy(Strategy::BSDF).aovs([Aov::BOUNCES, Aov::ALBEDO]),
+    ];
+    for (name, scene) in &all {
+        let geometry = Geometry::build(scene);
+        for options in &variants {
+            let plan = |forced: &[Gate]| {
+                let options = options.clone().forced(forced);
+                RenderPlan::new(scene, &geometry, &options).unwrap_or_else(|e| panic!("{name}: {e}"))
+            };
+            let of_scene = plan(&[]);
+            let effects = &of_scene.effects;
+            for (effect, open) in named(&of_scene.features) {
+                let count = effects.simulated.iter().filter(|simulated| *simulated == effect).count();
+                assert_eq!(count, usize::from(open), "{name}: {effect} in {:?}", effects.simulated);
+            }
+            let alpha = effects.simulated.iter().any(|effect| effect.starts_with("alpha-"));
+            assert_eq!(alpha, of_scene.features.alpha, "{name}: {:?}", effects.simulated);
+            let (simulated, ignored) = effects.found.split_at(effects.simulated.len());
+            let is_of = |(found, name): (&String, &String)| found.starts_with(&format!("{name} ("));
+            assert!(simulated.iter().zip(&effects.simulated).all(is_of), "{name}: {simulated:?}");
+            assert!(ignored.iter().eq(effects.ignored.iter().map(|ignored| &ignored.what)), "{name}: {ignored:?}");
+            for gates in Gate::ALL.iter().map(std::slice::from_ref).chain([&Gate::ALL[..]]) {
+                let forced = plan(gates);
+                assert_eq!(forced.effects, *effects, "{name}: {gates:?}");
+                let others = [("raygen", "raygen-lens"), ("any-hit", "transmittance")];
+                for stage in &of_scene.stages {
+                    let other = others.iter().find_map(|(of, other)| (of == stage).then_some(other)).unwrap_or(stage);
+                    let runs = forced.stages.contains(stage) || forced.stages.contains(other);
+                    assert!(runs, "{name}: {stage} is not in {:?}", forced.stages);
+                }
+            }
+        }
+    }
+}
+
+/// Once lost: two effects had one number.
+#[test]
+fn masks_and_filtered_textures_are_both_listed() {
+    let options = options(8, 8, 1).texture_filter(TextureFilter::Trilinear);
+    let scene = sheer();
+    let plan = RenderPlan::new(&scene, &Geometry::build(&scene), &options).unwrap_or_else(|e| panic!("{e}"));
+    let expected = ["base-colour-textures", "texture-filter", "alpha-masks", "alpha-blending", "vertex-colours"];
+    assert_eq!(plan.effects.simulated[..5], expected);
+}
+
+/// A strategy without any technique would find no light.
+#[test]
+fn a_strategy_without_techniques_is_refused() {
+    let techniques = Techniques { bsdf: false, light: false };
+    let options = options(8, 8, 1).strategy(Strategy { techniques, ..Strategy::MIS });
+    let error = Renderer::new(&diffuse(), options).err().expect("refused").to_string();
+    assert!(error.starts_with("--strategy"), "{error}");
 }
 
 /// Oracle: the fingerprint in the statistics, and the stages in them being those of a plan.
@@ -254,23 +367,21 @@ fn the_hidden_flag_runs_every_stage_and_changes_no_bit() {
     assert_eq!(stats[0]["effects"], stats[1]["effects"], "forcing finds no effect");
 }
 
-/// Small scenes are traced without a hierarchy; whoever asks for what only Embree has, or for more faces, gets a hierarchy.
+fn plan(scene: &Scene, options: RenderOptions) -> Result<RenderPlan> {
+    RenderPlan::new(scene, &Geometry::build(scene), &options)
+}
+
+fn taken(scene: &Scene, options: RenderOptions) -> BackendKind {
+    plan(scene, options).unwrap_or_else(|e| panic!("{e}")).backend
+}
+
+/// Small scenes are traced without a hierarchy; whoever asks for more faces, or for it, gets one.
 #[test]
 fn small_scenes_take_no_hierarchy() {
     let first = BackendKind::available()[0];
-    let taken = |scene: &Scene, options: RenderOptions| Renderer::new(scene, options).expect("renders").plan().backend;
-    let small = {
-        let mut builder = SceneBuilder::new();
-        room(&mut builder);
-        builder.build()
-    };
+    let small = empty_room();
     assert_eq!(taken(&small, options(8, 8, 1)), BackendKind::Flat);
-    let rays = RenderOptions { rays: Some(QueryMode::Packet8), ..options(8, 8, 1) };
-    assert_eq!(taken(&small, rays), first);
-    assert_eq!(
-        taken(&small, RenderOptions { backend: Some(BackendKind::Obvhs), ..options(8, 8, 1) }),
-        BackendKind::Obvhs
-    );
+    assert_eq!(taken(&small, options(8, 8, 1).backend(BackendKind::Obvhs)), BackendKind::Obvhs);
     let mut builder = SceneBuilder::new();
     room(&mut builder);
     let paper = builder.lambert(Vec3::ONE);
@@ -281,29 +392,103 @@ fn small_scenes_take_no_hierarchy() {
     assert_eq!(taken(&builder.build(), options(8, 8, 1)), first, "65 faces");
 }
 
-/// Rooms with large meshes in them are divided; whoever asks for what only Embree has gets Embree. Small things, and large ones
-/// without a room, take the first backend of the build, which divides rooms of any size where it is not Embree.
+/// Five faces.
+fn empty_room() -> Scene {
+    let mut builder = SceneBuilder::new();
+    room(&mut builder);
+    builder.build()
+}
+
+/// A camera before a sphere, in a room or not.
+fn sphere(walls: bool, stacks: u32) -> Scene {
+    let mut builder = SceneBuilder::new();
+    if walls {
+        room(&mut builder);
+    } else {
+        builder.camera(Vec3::Z * 3.0, Vec3::ZERO, Vec3::Y, 0.7);
+    }
+    let white = builder.lambert(Vec3::ONE);
+    builder.sphere(Vec3::ZERO, 0.3, stacks, false, false, white);
+    builder.build()
+}
+
+/// Oracle: the same plan without the flag. Whatever a flag pins, the backend stays, or an error names the flag and the
+/// backend.
+#[test]
+fn pins_never_change_the_backend() {
+    type Pin = (&'static str, fn(&mut RenderOptions));
+    let pins: [Pin; 12] = [
+        ("--isa", |o| o.isa = Some("sse2".into())),
+        ("--isa", |o| o.isa = Some("sse4.2".into())),
+        ("--isa", |o| o.isa = Some("avx".into())),
+        ("--isa", |o| o.isa = Some("avx2".into())),
+        ("--isa", |o| o.isa = Some("avx512".into())),
+        ("--rays", |o| o.rays = Some(QueryMode::Single)),
+        ("--rays", |o| o.rays = Some(QueryMode::Packet4)),
+        ("--rays", |o| o.rays = Some(QueryMode::Packet8)),
+        ("--rays", |o| o.rays = Some(QueryMode::Packet16)),
+        ("--rays", |o| o.rays = Some(QueryMode::Stream)),
+        ("--robust", |o| o.robust = false),
+        ("--robust", |o| o.robust = true),
+    ];
+    let (mut kept, mut refused) = (0, 0);
+    for scene in [empty_room(), diffuse(), sphere(true, 100), sphere(false, 100), sphere(true, 20)] {
+        let asked = BackendKind::ALL.into_iter().filter(|kind| kind.traces(&Geometry::build(&scene)));
+        for backend in asked.map(Some).chain([None]) {
+            let plain = options(8, 8, 1).backend(backend);
+            let kind = taken(&scene, plain.clone());
+            for (flag, pin) in pins {
+                let mut pinned = plain.clone();
+                pin(&mut pinned);
+                match plan(&scene, pinned.clone()) {
+                    Ok(plan) => {
+                        assert_eq!(plan.backend, kind, "{flag}");
+                        kept += 1;
+                    }
+                    Err(error) => {
+                        let text = error.to_string();
+                        assert!(text.starts_with(flag) && text.contains(&format!("'{}'", kind.name())), "{text}");
+                        let advises = text.contains("--backend embree") == cfg!(feature = "embree");
+                        assert!(advises && kind != BackendKind::Embree, "{text}");
+                        refused += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(kept > 0 && refused > 0, "{kept} kept, {refused} refused");
+    let narrow = options(8, 8, 1).isa(detect::name(false));
+    assert_eq!(taken(&empty_room(), narrow), BackendKind::Flat);
+}
+
+/// The plan says why: with what was counted, and the limit.
+#[test]
+fn the_choice_of_a_backend_has_a_reason() {
+    let reason = |scene: &Scene, options: RenderOptions| plan(scene, options).expect("valid options").backend_reason;
+    let plain = || options(8, 8, 1);
+    assert_eq!(reason(&empty_room(), plain()), "faces: 5, at most 64");
+    let brute = plain().backend(BackendKind::Brute);
+    assert_eq!(reason(&diffuse(), brute), "asked for");
+    let divided = reason(&sphere(true, 100), plain());
+    assert!(divided.starts_with("large faces: 5, ") && divided.ends_with("at most 0.6"), "{divided}");
+    let small = reason(&sphere(true, 20), plain());
+    assert!(
+        small.contains(if cfg!(feature = "embree") { "triangles; flat+obvhs" } else { "large faces: 5" }),
+        "{small}"
+    );
+    let alone = reason(&sphere(false, 100), plain());
+    assert!(alone.starts_with("no large faces"), "{alone}");
+}
+
+/// Rooms with large meshes in them are divided. Small things, and large ones without a room, take the first backend of
+/// the build, which divides rooms of any size where it is not Embree.
 #[test]
 fn rooms_with_large_things_are_divided() {
     let first = BackendKind::available()[0];
-    let plan = |scene: &Scene, options: RenderOptions| Renderer::new(scene, options).expect("renders").plan().backend;
-    let scene = |walls: bool, stacks: u32| {
-        let mut builder = SceneBuilder::new();
-        if walls {
-            room(&mut builder);
-        } else {
-            builder.camera(Vec3::Z * 3.0, Vec3::ZERO, Vec3::Y, 0.7);
-        }
-        let white = builder.lambert(Vec3::ONE);
-        builder.sphere(Vec3::ZERO, 0.3, stacks, false, false, white);
-        builder.build()
-    };
-    let large = scene(true, 100);
+    let large = sphere(true, 100);
     assert!(large.triangle_count() > 1 << 14);
-    assert_eq!(plan(&large, options(8, 8, 1)), BackendKind::FlatObvhs);
-    let rays = RenderOptions { rays: Some(QueryMode::Packet8), ..options(8, 8, 1) };
-    assert_eq!(plan(&large, rays), first);
-    assert_eq!(plan(&scene(false, 100), options(8, 8, 1)), first);
+    assert_eq!(taken(&large, options(8, 8, 1)), BackendKind::FlatObvhs);
+    assert_eq!(taken(&sphere(false, 100), options(8, 8, 1)), first);
     let small = if first == BackendKind::Obvhs { BackendKind::FlatObvhs } else { first };
-    assert_eq!(plan(&scene(true, 20), options(8, 8, 1)), small);
+    assert_eq!(taken(&sphere(true, 20), options(8, 8, 1)), small);
 }

@@ -1,23 +1,25 @@
 //! The six scenes against the pictures of an independent renderer (`../shared/reference`), on every backend that can
 //! render them: is the mean right, and is any part of the picture wrong?
 //!
-//! Statistics. With the box filter a film pixel covers s×s pixels of the reference and is compared with their mean rᵢ.
-//! Pixels are independent and E(mᵢ − rᵢ) = 0 if nothing is wrong, so a block of n film pixels (16×16 or more) gives Student's
-//! t = √n·D̄/s_D from its differences alone: noise of the film and of the reference both show in their scatter, and
-//! nothing is assumed of either. (The variances by the film's halves have one degree of freedom each; where a few
-//! pixels at the rim of a light hold all the variance, two equal halves would make such a block look certain.) The limit
-//! is that of n − 1 degrees at 1e-4 over all blocks and channels of a picture (Bonferroni). The mean of the picture is
-//! tested in the same way over all pixels, and has to be known well enough to see the tolerance of `expect.toml`.
+//! Statistics. With the box filter a film pixel covers s×s pixels of the reference and is compared with their mean
+//! rᵢ. Pixels are independent and E(mᵢ − rᵢ) = 0 if nothing is wrong, so a block of n film pixels (16×16 or
+//! more) gives Student's t = √n·D̄/s_D from its differences alone: noise of the film and of the reference both show
+//! in their scatter, and nothing is assumed of either. (The variances by the film's halves have one degree of freedom
+//! each; where a few pixels at the rim of a light hold all the variance, two equal halves would make such a block look
+//! certain.) The limit is that of n − 1 degrees at 1e-4 over all blocks and channels of a picture (Bonferroni). The
+//! mean of the picture is tested in the same way over all pixels, and has to be known well enough to see the tolerance
+//! of `expect.toml`.
 //!
-//! The film's own variance then has to explain the whole error: over pixels, ((mᵢ − rᵢ)² − vᵢ)/(rᵢ² + ε) has the mean
-//! own_relMSE/s², v by the film's halves and own_relMSE the reference's remaining noise. Errors below the noise of a block
-//! that are spread over the picture show here.
+//! The film's own variance then has to explain the whole error: over pixels, ((mᵢ − rᵢ)² − vᵢ)/(rᵢ² + ε)
+//! has the mean own_relMSE/s², v by the film's halves and own_relMSE the reference's remaining noise. Errors below the
+//! noise of a block that are spread over the picture show here.
 //!
 //! What the models differ in. The reference's renderer interpolates an environment's rows at v·(H − 1) where glTF's
-//! conventions (and ours) have texel centres, v·H − ½: up to half a row at the poles, 1e-3 of the sky near the horizon.
-//! The test renders with a map resampled to those rows, see [`rows_from_edge_to_edge`].
+//! conventions (and ours) have texel centres, v·H − ½: up to half a row at the poles, 1e-3 of the sky near the
+//! horizon. The test renders with a map resampled to those rows, see [`rows_from_edge_to_edge`].
 //!
-//! `PATHSPACE_FULL_REFERENCE=1 cargo test --release full_size -- --nocapture` does the same at the reference's own size.
+//! `PATHSPACE_FULL_REFERENCE=1 cargo test --release full_size -- --nocapture` does the same at the reference's own
+//! size.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,7 +29,6 @@ use pathspace::backend::BackendKind;
 use pathspace::film::Film;
 use pathspace::film::estimate::RELMSE_EPSILON;
 use pathspace::film::exr::{Picture, read_exr};
-use pathspace::plan::options::RenderOptions;
 use pathspace::scene::{Environment, Scene};
 use pathspace_stat::{Moments, t_limit, z_limit};
 
@@ -36,8 +37,8 @@ use crate::common::{options, render, shared};
 /// Chance that a picture without any defect fails in some block; that it fails in its mean; in its error.
 const FALSE_ALARMS: f64 = 1e-4;
 
-/// The reference's passes sum 128 to 512 samples in f32: the sum is off by about √(512/12)·2⁻²⁴ ≈ 2⁻²¹ of itself. Four
-/// times that is taken off each difference. Where neither picture has noise it is all that remains.
+/// The reference's passes sum 128 to 512 samples in f32: the sum is off by about √(512/12)·2⁻²⁴ ≈ 2⁻²¹ of
+/// itself. Four times that is taken off each difference. Where neither picture has noise it is all that remains.
 const REFERENCE_ROUNDING: f64 = 1.0 / (1 << 19) as f64;
 
 /// Film pixels along the side of a block. Its mean has to be near normal: the rare bright paths (sunlight by way of the
@@ -191,8 +192,8 @@ fn compare(film: &Film, expectation: &Expectation, scale: u32, side: u32) -> Com
     Comparison { whole, mean, t, limit, unexplained }
 }
 
-/// Renders the scene on each backend at 1/`scale` of the reference's size with about `paths` paths and holds it against the
-/// reference. `power` is the largest error of the mean that may stay unseen, in tolerances of the scene.
+/// Renders the scene on each backend at 1/`scale` of the reference's size with about `paths` paths and holds it against
+/// the reference. `power` is the largest error of the mean that may stay unseen, in tolerances of the scene.
 fn hold(name: &str, scale: u32, paths: u64, power: f64) {
     let Some(expectation) = Expectation::read(name) else { return };
     let scene = expectation.load();
@@ -203,7 +204,7 @@ fn hold(name: &str, scale: u32, paths: u64, power: f64) {
     // The loop over all triangles has no business with pictures.
     for (seed, &backend) in BackendKind::available().iter().filter(|b| **b != BackendKind::Brute).enumerate() {
         let start = std::time::Instant::now();
-        let base = RenderOptions { seed: 2000 + seed as u64, backend: Some(backend), ..options(width, height, spp) };
+        let base = options(width, height, spp).seed(2000 + seed as u64).backend(backend);
         let done = render(&scene, base);
         let c = compare(&done.film, &expectation, scale, side);
         let ((t, block), limit) = (c.worst(), c.limit);
@@ -211,8 +212,9 @@ fn hold(name: &str, scale: u32, paths: u64, power: f64) {
         let own = expectation.own_relmse / f64::from(scale * scale);
         let [ratio, error] = [Comparison::ratio, Comparison::ratio_error].map(|f| [0, 1, 2].map(|i| f(&c, i)));
         eprintln!(
-            "{name:14} {:6} {width}x{height} {spp:4} spp  mean ratio {ratio:.5?} ± {error:.5?}  worst block t {t:6.2} of \
-             {limit:.2} at {corner:?}  unexplained relMSE {:.5} ± {:.5}, reference's own {own:.5}  {:.1} s",
+            "{name:14} {:6} {width}x{height} {spp:4} spp  mean ratio {ratio:.5?} ± {error:.5?}  worst block \
+             t {t:6.2} of {limit:.2} at {corner:?}  \
+             unexplained relMSE {:.5} ± {:.5}, reference's own {own:.5}  {:.1} s",
             backend.name(),
             c.unexplained.mean,
             c.unexplained.standard_error(),

@@ -1,20 +1,23 @@
-//! The path of one sample, told again: its bits are those of the picture, and its story adds up to them. Samples that are not
-//! finite: which ones are listed, where, and how the command ends.
+//! The path of one sample, told again: its bits are those of the picture, and its story adds up to them. Samples that
+//! are not finite: which ones are listed, where, and how the command ends.
 //!
-//! Oracles: the film of the same options (exact), the sum of the listed contributions (exact), the depth limit as a second
-//! opinion on the bounce. Deterministic, no false alarms.
+//! Oracles: the film of the same options (exact), the sum of the listed contributions (exact), the depth limit as a
+//! second opinion on the bounce. Deterministic, no false alarms.
 
 use std::path::Path;
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 use pathspace::backend::{BackendKind, QueryMode};
 use pathspace::film::Pixel;
 use pathspace::film::exr::read_exr;
-use pathspace::plan::options::{Crop, FilterKind, Lens, RenderOptions, SamplerKind, Strategy};
+use pathspace::plan::options::{Crop, FilterKind, Lens, RenderOptions, SamplerKind, Strategy, TextureFilter};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::{AlphaMode, Environment, Instance, Material, MaterialId, Mesh, MeshId, Scene};
-use pathspace::wavefront::vertex::{End, Met, Shadow};
+use pathspace::scene::{
+    AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, MeshId, Scene, Texture, TextureId,
+    TextureSlot, Wrap,
+};
+use pathspace::transport::vertex::{End, Met, Shadow};
 use serde_json::Value;
 
 use crate::common::{options, render, shared};
@@ -44,7 +47,7 @@ fn holds(what: &str, scene: &Scene, options: RenderOptions, stride: u32) {
     for number in (0..film.pixels.len() as u32).step_by(stride as usize) {
         let (x, y) = (number % film.window.width, number / film.window.width);
         let place = (film.window.x + x, film.window.y + y);
-        let mut pixel = Pixel::default();
+        let mut samples = Vec::new();
         for sample in 0..spp {
             let replay = renderer.replay(place, sample).expect("a pixel of the picture");
             let bits = |rgb: [f32; 3]| rgb.map(f32::to_bits);
@@ -54,11 +57,10 @@ fn holds(what: &str, scene: &Scene, options: RenderOptions, stride: u32) {
                 bits(replay.radiance.map(|c| c.0)),
                 "{what}: {place:?} sample {sample}: {replay:#?}"
             );
-            let half = (sample & 1) as usize;
-            (0..4).for_each(|c| pixel.sum[half][c] += replay.film[c]);
-            pixel.n[half] += 1;
+            samples.push(replay.film);
             assert!(replay.vertices.last().is_some_and(|vertex| vertex.end.is_some()), "{what}: {replay:#?}");
         }
+        let pixel = Pixel::of_samples(0, &samples);
         let bits = |pixel: &Pixel| pixel.sum.map(|half| half.map(f64::to_bits));
         assert_eq!(bits(&pixel), bits(film.pixel(x, y)), "{what}: pixel {place:?}: {pixel:?}, {:?}", film.pixel(x, y));
     }
@@ -73,7 +75,7 @@ fn replays_have_the_bits_of_the_film_on_every_backend_and_in_every_query_mode() 
                 continue;
             }
             let what = format!("{} {mode:?}", backend.name());
-            holds(&what, &scene, RenderOptions { backend: Some(backend), rays: mode, ..options(24, 24, 5) }, 7);
+            holds(&what, &scene, options(24, 24, 5).backend(backend).rays(mode), 7);
         }
     }
 }
@@ -86,24 +88,24 @@ fn replays_have_the_bits_of_the_film_under_every_option() {
     let lens = Some(Lens { radius_m: 0.02, focus_m: 1.2 });
     let crop = Some(Crop { x: 5, y: 3, width: 6, height: 7 });
     let cases = [
-        ("lens", RenderOptions { lens, ..base() }),
-        ("crop", RenderOptions { crop, ..base() }),
-        ("mitchell", RenderOptions { filter: FilterKind::Mitchell, seed: 9, ..base() }),
-        ("independent", RenderOptions { sampler: SamplerKind::Independent, ..base() }),
-        ("balance", RenderOptions { strategy: Strategy::MisBalance, ..base() }),
-        ("bsdf", RenderOptions { strategy: Strategy::BsdfOnly, ..base() }),
-        ("light", RenderOptions { strategy: Strategy::LightOnly, ..base() }),
-        ("depth", RenderOptions { max_depth: 3, ..base() }),
-        ("all gates", RenderOptions { forced: pathspace::plan::Gate::ALL.to_vec(), ..base() }),
-        ("roulette", RenderOptions { roulette: pathspace::render::Roulette::Constant(0.6), ..base() }),
+        ("lens", base().lens(lens)),
+        ("crop", base().crop(crop)),
+        ("mitchell", base().filter(FilterKind::Mitchell).seed(9)),
+        ("independent", base().sampler(SamplerKind::Independent)),
+        ("balance", base().strategy(Strategy::MIS_BALANCE)),
+        ("bsdf", base().strategy(Strategy::BSDF)),
+        ("light", base().strategy(Strategy::LIGHT)),
+        ("depth", base().max_depth(3)),
+        ("all gates", base().forced(pathspace::plan::Gate::ALL.to_vec())),
+        ("roulette", base().roulette(pathspace::render::Roulette::Constant(0.6))),
     ];
     for (what, options) in cases {
         holds(what, &scene, options, 5);
     }
 }
 
-/// Veils and a lamp that is there by half: rays pass them in a replay where they did in the render, and light that a veil dims is
-/// told dimmed.
+/// Veils and a lamp that is there by half: rays pass them in a replay where they did in the render, and light that a
+/// veil dims is told dimmed.
 #[test]
 fn replays_pass_what_the_render_passed() {
     let mut scene = every_lobe();
@@ -115,18 +117,96 @@ fn replays_pass_what_the_render_passed() {
         let material = MaterialId(scene.materials.len() as u32 - 1);
         scene.meshes.push(Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], material, ..Mesh::default() });
         let mesh = MeshId(scene.meshes.len() as u32 - 1);
-        scene.instances.push(Instance { mesh, world_from_object: Affine3A::IDENTITY });
+        scene.instances.push(Instance::new(mesh, Affine3A::IDENTITY));
     }
     for &backend in BackendKind::available() {
-        holds(backend.name(), &scene, RenderOptions { backend: Some(backend), ..options(24, 24, 5) }, 7);
+        holds(backend.name(), &scene, options(24, 24, 5).backend(backend), 7);
     }
+}
+
+/// A room with a textured floor, a sheet that a texture cuts out, an unlit picture with vertex colours, and a second
+/// channel of coordinates that only some meshes have. Colours of the base are out of range.
+fn textured_room() -> Scene {
+    let mut scene = every_lobe();
+    let texels = (0..1024u32).map(|i| i.wrapping_mul(0x9e37_79b9).to_le_bytes()).collect();
+    scene.textures.push(Texture {
+        name: "noise".into(),
+        width: 32,
+        height: 32,
+        texels,
+        color_space: ColorSpace::Srgb,
+        wrap_u: Wrap::Repeat,
+        wrap_v: Wrap::Repeat,
+        bilinear: true,
+    });
+    let slot = |uv_set| Some(TextureSlot { texture: TextureId(0), uv_set });
+    let plain = Material { metallic: 0.0, specular: 0.0, base_color: Vec3::new(1.5, 0.9, 0.8), ..Material::default() };
+    let floor = Material { base_color_texture: slot(0), metallic_roughness_texture: slot(0), ..Material::default() };
+    let cut = Material { base_color_texture: slot(1), alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..plain.clone() };
+    let picture = Material { base_color_texture: slot(0), vertex_colors: true, unlit: true, ..plain.clone() };
+    let sheets = [(floor, -0.9, 1.0), (cut, -0.2, 0.6), (picture, 0.3, 0.3), (plain, 0.5, 0.2)];
+    for (k, (material, y, size)) in sheets.into_iter().enumerate() {
+        scene.materials.push(material);
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| (x * size, z * size));
+        scene.meshes.push(Mesh {
+            positions: corners.map(|(x, z)| Vec3::new(x, y, z - 0.2)).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            uvs: Some(corners.map(|(x, z)| Vec2::new(2.0 * x, 2.0 * z)).to_vec()),
+            more_uvs: if k == 0 { vec![corners.map(|(x, z)| Vec2::new(z, x)).to_vec()] } else { Vec::new() },
+            colors: (k == 2).then(|| (0..4).map(|c| Vec4::splat(0.4 + 0.1 * c as f32)).collect()),
+            material: MaterialId(scene.materials.len() as u32 - 1),
+            ..Mesh::default()
+        });
+        let mesh = MeshId(scene.meshes.len() as u32 - 1);
+        scene.instances.push(Instance::new(mesh, Affine3A::IDENTITY));
+    }
+    scene
+}
+
+/// Regression: a replay read unlit surfaces and factors without the widths of the render.
+#[test]
+fn replays_read_the_textures_of_the_render() {
+    let scene = textured_room();
+    for &backend in BackendKind::available() {
+        for filter in [TextureFilter::Exact, TextureFilter::Trilinear] {
+            let what = format!("{} {filter:?}", backend.name());
+            holds(&what, &scene, options(24, 24, 5).backend(backend).texture_filter(filter), 3);
+        }
+    }
+}
+
+/// One rule for every reader of textures. Oracle: the same scene with the numbers written differently, bit for bit:
+/// base colours above 1 are 1 in the lean kernel as in the others; a mask whose channel of coordinates the mesh lacks
+/// is read by the first channel.
+#[test]
+fn one_rule_reads_all_textures() {
+    let film = |scene: &Scene, gates: &[pathspace::plan::Gate]| {
+        render(scene, options(24, 24, 4).backend(BackendKind::Obvhs).forced(gates.to_vec())).film
+    };
+    let mut bright = every_lobe();
+    bright.materials[0].base_color = Vec3::new(1.4, 0.7, 0.5);
+    let mut clamped = every_lobe();
+    clamped.materials[0].base_color = Vec3::new(1.0, 0.7, 0.5);
+    assert_eq!(film(&bright, &[]).hash(), film(&clamped, &[]).hash(), "the lean kernel clamps");
+    assert_eq!(
+        film(&bright, &[pathspace::plan::Gate::GENERAL]).hash(),
+        film(&clamped, &[]).hash(),
+        "the general one too"
+    );
+
+    let second = textured_room();
+    let mut first = second.clone();
+    for material in &mut first.materials {
+        material.base_color_texture = material.base_color_texture.map(|slot| TextureSlot { uv_set: 0, ..slot });
+    }
+    assert_eq!(film(&second, &[]).hash(), film(&first, &[]).hash(), "the mask is read by channel 0");
 }
 
 /// Every path has its own time, in a replay as in the render.
 #[test]
 fn replays_stand_at_the_time_of_the_path() {
     for &backend in BackendKind::available() {
-        let options = RenderOptions { backend: Some(backend), ..options(24, 24, 5) };
+        let options = options(24, 24, 5).backend(backend);
         holds(backend.name(), &crate::shutter::moving_room(), options, 7);
     }
 }
@@ -145,7 +225,7 @@ fn replays_have_the_bits_of_the_film_in_the_shared_scenes() {
                 continue;
             }
             let what = format!("{name}, {}", backend.name());
-            holds(&what, &scene, RenderOptions { backend: Some(backend), ..options(20, 20, 3) }, 13);
+            holds(&what, &scene, options(20, 20, 3).backend(backend), 13);
         }
     }
 }
@@ -179,7 +259,7 @@ fn samples_that_are_not_finite_are_located_down_to_the_bounce() {
         let (x, y) = met.pixel;
         let crop = Some(Crop { x, y, width: 1, height: 1 });
         let limited = |max_depth| {
-            let renderer = made(RenderOptions { max_depth, crop, ..options(24, 24, met.sample + 1) });
+            let renderer = made(options(24, 24, met.sample + 1).max_depth(max_depth).crop(crop));
             let render = renderer.render().expect("a render");
             render.counters.nonfinite_first.iter().any(|n| n.sample == met.sample)
         };
@@ -194,12 +274,13 @@ fn samples_that_are_not_finite_are_located_down_to_the_bounce() {
     assert!(depths.len() > 1, "only bounces {depths:?} were seen");
 }
 
-/// Which samples are listed depends on nothing but the picture: not on threads, tiles, or how samples are cut into passes.
+/// Which samples are listed depends on nothing but the picture: not on threads, tiles, or how samples are cut into
+/// passes.
 #[test]
 fn the_first_samples_that_are_not_finite_are_listed_in_order() {
     let scene = too_bright();
     let listed = |threads, spp, time| {
-        let options = RenderOptions { threads, time, ..options(40, 24, spp) };
+        let options = options(40, 24, spp).threads(threads).time(time);
         render(&scene, options).counters.nonfinite_first
     };
     let one = listed(1, 64, None);

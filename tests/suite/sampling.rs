@@ -1,5 +1,5 @@
-//! The measure and the corners of the warps, and the names of the samplers; the samplers themselves are hard cases (R01 to R08).
-//! Each chi-square is accepted below its upper 3e-8 point.
+//! The measure and the corners of the warps, and the names of the samplers; the samplers themselves are hard cases (R01
+//! to R08). Each chi-square is accepted below its upper 3e-8 point.
 
 use pathspace::math::warp;
 use pathspace::sampler::{IndependentScheme, SamplerKind, Scheme};

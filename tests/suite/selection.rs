@@ -3,14 +3,14 @@
 //! tests are accepted above p = 1e-6 (12 of them).
 
 use glam::Vec3;
+use pathspace::math::simd::isa::Baseline;
 use pathspace::scene::geometry::Geometry;
 use pathspace::scene::{PunctualKind, PunctualLight, Scene};
 use pathspace::shading::light::grow::Emitter;
 use pathspace::shading::light::select::{Distant, Selection, Selector};
 use pathspace::shading::light::tree::Receivers;
 use pathspace::shading::light::{Lights, punctual};
-use pathspace::wavefront::choose::choose;
-use pathspace::wavefront::isa::Baseline;
+use pathspace::transport::choose::choose;
 use pathspace_stat::chi2_test;
 
 use crate::common::Estimate;
@@ -98,8 +98,8 @@ fn chosen_probability_is_the_probability_of_the_light() {
     }
 }
 
-/// Exact: sixteen walks side by side end where one by itself does, with the same probability in every bit; lanes that are
-/// not asked for have none.
+/// Exact: sixteen walks side by side end where one by itself does, with the same probability in every bit; lanes that
+/// are not asked for have none.
 #[test]
 fn sixteen_choices_are_those_of_one() {
     const N: usize = 16;
@@ -179,6 +179,7 @@ fn nothing_that_counts_is_left_out() {
                 direction: random.direction(),
                 intensity: Vec3::ONE,
                 kind: PunctualKind::Spot { cos_inner: inner.cos(), cos_outer: outer.cos() },
+                range_m: f32::INFINITY,
             }
         })
         .collect();
@@ -210,7 +211,8 @@ fn nothing_that_counts_is_left_out() {
     assert!(seen > 10_000, "only {seen} pairs in sight");
 }
 
-/// Arrangements that trees choke on: all in one place, on a logarithmic scale, in one plane; brightness over 24 decades.
+/// Arrangements that trees choke on: all in one place, on a logarithmic scale, in one plane; brightness over 24
+/// decades.
 #[test]
 fn odd_arrangements() {
     let point = |light: u32, place: Vec3, intensity: f64| Emitter {
@@ -240,8 +242,8 @@ fn odd_arrangements() {
 }
 
 /// Lights of every kind around a receiver: the mean of the estimate is the sum of the closed forms, at 4.9 standard
-/// errors, and its spread is what the choice is for: below half of what a choice by power would have (in closed form, the
-/// sky left out), with the squares of the distances over four decades.
+/// errors, and its spread is what the choice is for: below half of what a choice by power would have (in closed form,
+/// the sky left out), with the squares of the distances over four decades.
 #[test]
 fn near_and_far_lights_add_up() {
     let mut random = Random(5);
@@ -255,6 +257,7 @@ fn near_and_far_lights_add_up() {
             direction: Vec3::ZERO,
             intensity: Vec3::ONE,
             kind: PunctualKind::Point,
+            range_m: f32::INFINITY,
         };
         let irradiance = f64::from(position.z.max(0.0)) / f64::from(position.length()).powi(3);
         expected += irradiance;

@@ -5,8 +5,12 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3, Vec4};
 use pathspace::Error;
 use pathspace::scene::image::load_environment;
-use pathspace::scene::{ColorSpace, Environment, Scene, Texels, Texture, Wrap};
+use pathspace::scene::{
+    ColorSpace, Environment, EnvironmentFile, LoadOptions, MissingTexture, Scene, Texels, Texture, Wrap,
+};
 use pathspace::texture::{SRGB_TO_LINEAR, lookup};
+
+use crate::loading::fixture::Fixture;
 
 const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge];
 
@@ -21,7 +25,8 @@ fn texel(texture: &Texture, x: usize, y: usize) -> Vec4 {
     Vec4::from(texture.texels.eight().expect("8 bits")[y * texture.width + x].map(|channel| f32::from(channel) / 255.0))
 }
 
-/// Oracle: at texel centres bilinear and nearest both give the texel; halfway between, bilinear gives the mean. v = 0 is the top.
+/// Oracle: at texel centres bilinear and nearest both give the texel; halfway between, bilinear gives the mean. v = 0
+/// is the top.
 #[test]
 fn texel_centres_and_midpoints() {
     for wrap in WRAPS {
@@ -76,8 +81,8 @@ fn wraps_fold_as_they_are_defined() {
     }
 }
 
-/// I06. Oracle: results stay within the texture's range, a constant texture is itself everywhere, odd and 1 × 1 sizes included.
-/// Deterministic.
+/// I06. Oracle: results stay within the texture's range, a constant texture is itself everywhere, odd and 1 × 1 sizes
+/// included. Deterministic.
 #[test]
 fn extreme_coordinates_stay_inside() {
     let coordinates = [
@@ -116,8 +121,8 @@ fn extreme_coordinates_stay_inside() {
     }
 }
 
-/// I06: the mean over whole periods is the texture's mean. Oracle: exact mean; a regular grid finer than the texels integrates
-/// the bilinear surface to rounding.
+/// I06: the mean over whole periods is the texture's mean. Oracle: exact mean; a regular grid finer than the texels
+/// integrates the bilinear surface to rounding.
 #[test]
 fn mean_over_a_period_is_the_textures_mean() {
     for wrap in [Wrap::Repeat, Wrap::MirroredRepeat] {
@@ -206,6 +211,14 @@ fn bad_radiance_is_refused_or_clamped() {
         write_exr(&path, 4, &texels, false);
         let error = load_environment(&path, 0.0, 1.0).expect_err("radiance is not finite").to_string();
         assert!(error.contains("2 texels") && error.contains("(3, 1)") && error.contains("sky.exr"), "{error}");
+
+        let options =
+            LoadOptions::default().environment(EnvironmentFile::new(&path)).missing_texture(MissingTexture::Magenta);
+        let scene = Scene::load_with(Fixture::quad().write(directory.path()), &options).expect("a warning instead");
+        let texels = &scene.environment.as_ref().expect("loaded").texels;
+        assert_eq!((texels[6], texels[7], texels[9]), (Vec3::ONE, Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0)));
+        let warned = |text: &str| scene.warnings.iter().any(|warning| warning.what.contains(text));
+        assert!(warned("2 texels with NaN or infinity; shown in magenta"), "{:?}", scene.warnings);
     }
     write_exr(&path, 2, &[Vec3::new(-1.0, 2.0, 3.0), Vec3::ONE], false);
     let mut scene = Scene::default();
@@ -218,7 +231,8 @@ fn bad_radiance_is_refused_or_clamped() {
     );
 }
 
-/// Broken, lying and mutated environment files are errors. Oracle: the kind of error, and that nothing panics. A fixed LCG.
+/// Broken, lying and mutated environment files are errors. Oracle: the kind of error, and that nothing panics. A fixed
+/// LCG.
 #[test]
 fn broken_environments_are_errors() {
     let directory = tempfile::tempdir().expect("a temporary directory");

@@ -97,8 +97,9 @@ impl SphereBins {
         counts
     }
 
-    /// Expected counts of `n` draws from a density over solid angle; what the density lacks to 1 is rejection. Each cell
-    /// is integrated by four panels of 4×4 points or more, until the error is a hundredth of the count's deviation.
+    /// Expected counts of `n` draws from a density over solid angle; what the density lacks to 1 is rejection. Each
+    /// cell is integrated by four panels of 4×4 points or more, until the error is a hundredth of the count's
+    /// deviation.
     pub fn expect(&self, n: u64, pdf: &impl Fn([f64; 3]) -> f64) -> Vec<f64> {
         let rule = GaussLegendre::new(4);
         let step_cos = (self.cos[1] - self.cos[0]) / self.rows as f64;

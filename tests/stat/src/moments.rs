@@ -1,5 +1,5 @@
-//! Running count, mean and central moments to the fourth order, mergeable (Pébay 2008). Stable for long runs: no sums of
-//! powers are kept.
+//! Running count, mean and central moments to the fourth order, mergeable (Pébay 2008). Stable for long runs: no sums
+//! of powers are kept.
 
 /// Moments of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

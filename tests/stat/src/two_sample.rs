@@ -51,7 +51,8 @@ mod tests {
     use super::*;
     use crate::Pcg32;
 
-    /// Oracle: Welch's p-values of equal means are uniform (KS), those of shifted means are small. False-alarm rate 1e-6.
+    /// Oracle: Welch's p-values of equal means are uniform (KS), those of shifted means are small. False-alarm rate
+    /// 1e-6.
     #[test]
     fn p_values_are_uniform_under_the_hypothesis() {
         let mut rng = Pcg32::new(7, 2);

@@ -1,16 +1,18 @@
 //! Identities that hold pair by pair: weight = f·cos/pdf, finite values at the corners of the domain.
 
 use glam::Vec3;
-use pathspace::shading::bsdf::BsdfEval;
 use pathspace::shading::bsdf::albedo::SpecularAlbedo;
 use pathspace::shading::bsdf::dielectric::{Body, Dielectric, MAX_INDEX};
+use pathspace::shading::bsdf::lambert::Lambert;
+use pathspace::shading::bsdf::model::BsdfEval;
 use pathspace::shading::surface::Surface;
 use pathspace_stat::Pcg32;
 
 use super::{direction, glossy, rough_surfaces, viewers};
 
 /// What `sample` returns is what `eval` says of that direction. Oracle: each other; 2e-3 relative: the half vector is
-/// rebuilt from two f32 directions, which at alpha 0.05 shifts slopes by 1e-5 of it, and at grazing a hundred times that.
+/// rebuilt from two f32 directions, which at alpha 0.05 shifts slopes by 1e-5 of it, and at grazing a hundred times
+/// that.
 #[test]
 fn sample_agrees_with_eval() {
     let tables = SpecularAlbedo::compute();
@@ -34,8 +36,8 @@ fn sample_agrees_with_eval() {
     }
 }
 
-/// The same for narrow lobes, down to the mirror limit. Oracle: each other, within 2⁻²¹/alpha relative: the half vector's
-/// rounding in units of the lobe's width.
+/// The same for narrow lobes, down to the mirror limit. Oracle: each other, within 2⁻²¹/alpha relative: the half
+/// vector's rounding in units of the lobe's width.
 #[test]
 fn narrow_lobes_agree_too() {
     let tables = SpecularAlbedo::empty();
@@ -65,7 +67,7 @@ fn extremes_stay_finite() {
     let mut surfaces = Vec::new();
     for alpha in alphas {
         for color in colors {
-            surfaces.push(Surface::Lambert { albedo: color });
+            surfaces.push(Surface::Lambert(Lambert { albedo: color }));
             for (metallic, specular) in [(0.0, 0.0), (0.0, 1.0), (0.5, 1.0), (1.0, 0.0), (1e-30, 1e-30)] {
                 surfaces.push(glossy(&tables, color, metallic, alpha, specular));
             }

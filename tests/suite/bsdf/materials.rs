@@ -1,16 +1,18 @@
 //! From glTF factors to a surface: exact reductions, mixtures, and the classification that plans stand on.
 
 use glam::Vec3;
-use pathspace::scene::Material;
+use pathspace::scene::{Fact, FactSet, Facts, Material};
 use pathspace::shading::bsdf::albedo::SpecularAlbedo;
 use pathspace::shading::bsdf::dielectric::Body;
-use pathspace::shading::surface::{MaterialKind, MaterialKinds, Surface, Textured};
+use pathspace::shading::bsdf::lambert::Lambert;
+use pathspace::shading::bsdf::model::{Tables, Textured};
+use pathspace::shading::surface::Surface;
 use pathspace_stat::Pcg32;
 
 use super::direction;
 
 fn resolve<'t>(material: &Material, tables: &'t SpecularAlbedo, u_material: f32) -> Surface<'t> {
-    Surface::from_material(material, Textured::constant(material), tables, u_material)
+    Surface::from_material(material, Textured::constant(material), &Tables::new(tables, true), u_material)
 }
 
 fn random_pair(rng: &mut Pcg32) -> (Vec3, Vec3) {
@@ -19,8 +21,8 @@ fn random_pair(rng: &mut Pcg32) -> (Vec3, Vec3) {
     (direction(a.max(1e-3), tau * b), direction(c.max(1e-3), tau * d))
 }
 
-/// The shared scenes' conventions. Oracle: bit equality with Lambert at metallic 0, specular 0; with the F0 = base colour
-/// metal at metallic 1 whatever the specular; and the linear mix of both in between to 1e-6.
+/// The shared scenes' conventions. Oracle: bit equality with Lambert at metallic 0, specular 0; with the F0 = base
+/// colour metal at metallic 1 whatever the specular; and the linear mix of both in between to 1e-6.
 #[test]
 fn metallic_roughness_reduces_exactly() {
     let tables = SpecularAlbedo::compute();
@@ -32,7 +34,7 @@ fn metallic_roughness_reduces_exactly() {
         roughness: 0.6,
         ..Material::default()
     };
-    let lambert = Surface::Lambert { albedo: base_color };
+    let lambert = Surface::Lambert(Lambert { albedo: base_color });
     let metal = resolve(&material(1.0, 0.0), &tables, 0.0);
     let mut rng = Pcg32::new(0, 20);
     for _ in 0..2000 {
@@ -56,8 +58,8 @@ fn metallic_roughness_reduces_exactly() {
     }
 }
 
-/// A partly transmissive material is a mixture. Oracle: shares over 10⁵ equidistant numbers, to 1e-5 + one step, and the
-/// kinds that the classification announced.
+/// A partly transmissive material is a mixture. Oracle: shares over 10⁵ equidistant numbers, to 1e-5 + one step, and
+/// the kinds that the classification announced.
 #[test]
 fn partly_transmissive_is_a_mixture() {
     let tables = SpecularAlbedo::compute();
@@ -75,7 +77,7 @@ fn partly_transmissive_is_a_mixture() {
         match resolve(&material, &tables, (k as f32 + 0.5) / n as f32) {
             Surface::Dielectric(d) => clear += u32::from(d.body == Body::Thin),
             Surface::Glossy(_) => metal += 1,
-            Surface::Lambert { .. } => diffuse += 1,
+            Surface::Lambert(_) => diffuse += 1,
             Surface::Black => unreachable!("base colour is white"),
         }
     }
@@ -83,33 +85,29 @@ fn partly_transmissive_is_a_mixture() {
     assert!(
         (share(metal) - 0.25).abs() < 2e-5 && (share(clear) - 0.3).abs() < 2e-5 && (share(diffuse) - 0.45).abs() < 2e-5
     );
-    let kinds: Vec<_> = MaterialKinds::of(&material).iter().collect();
-    assert_eq!(kinds, [MaterialKind::Lambert, MaterialKind::Glossy, MaterialKind::Thin]);
+    assert_eq!(Facts::of(&material).set.models(), FactSet::of(&[Fact::Lambert, Fact::Glossy, Fact::Thin]));
 }
 
 /// Classification. Oracle: the definitions of the shared scenes and of the KHR extensions.
 #[test]
 fn kinds_follow_factors() {
-    use MaterialKind::{Black, Dielectric, Glossy, Lambert, Thin, Unlit};
+    use Fact::{Black, Glossy, Lambert, Solid, Thin, Unlit};
     let plain = Material { metallic: 0.0, specular: 0.0, ..Material::default() };
     let glass = Material { transmission: 1.0, thickness: 1.0, roughness: 0.0, metallic: 0.0, ..Material::default() };
-    let cases: [(Material, &[MaterialKind]); 9] = [
+    let cases: [(Material, &[Fact]); 9] = [
         (Material::default(), &[Glossy]),
         (plain.clone(), &[Lambert]),
         (Material { base_color: Vec3::ZERO, emissive: Vec3::ONE, ..plain.clone() }, &[Black]),
         (Material { specular: 1.0, ..plain.clone() }, &[Glossy]),
         (Material { metallic: 0.5, ..plain.clone() }, &[Glossy]),
-        (glass.clone(), &[Dielectric]),
+        (glass.clone(), &[Solid]),
         (Material { thickness: 0.0, ..glass.clone() }, &[Thin]),
-        (Material { transmission: 0.5, ..glass.clone() }, &[Glossy, Dielectric]),
+        (Material { transmission: 0.5, ..glass.clone() }, &[Glossy, Solid]),
         (Material { unlit: true, ..glass.clone() }, &[Unlit]),
     ];
     for (material, expected) in cases {
-        let kinds: Vec<_> = MaterialKinds::of(&material).iter().collect();
-        assert_eq!(kinds, expected, "{material:?}");
+        assert_eq!(Facts::of(&material).set.models(), FactSet::of(expected), "{material:?}");
     }
-    let both = MaterialKinds::of(&plain).union(MaterialKinds::of(&glass));
-    assert!(both.contains(Lambert) && both.contains(Dielectric) && !both.contains(Glossy));
 }
 
 /// The table is made only when a scene can read it. Oracle: equality with the empty one.

@@ -1,15 +1,19 @@
-//! Scattering functions: chi-square of every sampler, energy, agreement of eval, pdf and sample, and the corners of their
-//! domains. White furnaces, microfacets and reciprocity are hard cases (B01 to B15).
+//! Scattering functions: chi-square of every sampler, energy, agreement of eval, pdf and sample, and the corners of
+//! their domains. White furnaces, microfacets and reciprocity are hard cases (B01 to B15).
 
+mod body;
 mod chi2;
+mod clearcoat;
 mod energy;
 mod identities;
 mod materials;
+mod sheen;
 
 use glam::Vec3;
 use pathspace::shading::bsdf::albedo::SpecularAlbedo;
 use pathspace::shading::bsdf::dielectric::{Body, Dielectric};
 use pathspace::shading::bsdf::glossy::{Glossy, GlossyParams};
+use pathspace::shading::bsdf::lambert::Lambert;
 use pathspace::shading::surface::Surface;
 use pathspace_stat::{Moments, Pcg32};
 
@@ -21,7 +25,7 @@ pub fn direction(mu: f32, phi: f32) -> Vec3 {
 
 pub fn glossy(tables: &SpecularAlbedo, base_color: Vec3, metallic: f32, alpha: f32, specular: f32) -> Surface<'_> {
     let f0 = Vec3::splat(0.04 * specular);
-    Surface::Glossy(Glossy::new(&GlossyParams { base_color, metallic, alpha, f0, f90: specular }, tables))
+    Surface::Glossy(Glossy::of(&GlossyParams { base_color, metallic, alpha, f0, f90: specular }, tables))
 }
 
 pub fn glass(body: Body, eta: f32, alpha: f32) -> Surface<'static> {
@@ -32,7 +36,7 @@ pub fn glass(body: Body, eta: f32, alpha: f32) -> Surface<'static> {
 /// Every lobe that has a density, with its name: what the general tests run over.
 pub fn rough_surfaces(tables: &SpecularAlbedo) -> Vec<(String, Surface<'_>)> {
     let grey = Vec3::new(0.8, 0.5, 0.2);
-    let mut all = vec![("lambert".to_string(), Surface::Lambert { albedo: grey })];
+    let mut all = vec![("lambert".to_string(), Surface::Lambert(Lambert { albedo: grey }))];
     for alpha in [0.05, 0.1, 0.5, 1.0] {
         all.push((format!("metal {alpha}"), glossy(tables, grey, 1.0, alpha, 1.0)));
         all.push((format!("coated {alpha}"), glossy(tables, grey, 0.0, alpha, 1.0)));
@@ -65,8 +69,8 @@ pub fn viewers(surface: &Surface) -> Vec<Vec3> {
     all
 }
 
-/// Moments of the energy that leaves a surface for one unit of light, by sampling from `wo`: weight × η² per channel's
-/// largest, because a weight across an interface is a ratio of radiances.
+/// Moments of the energy that leaves a surface for one unit of light, by sampling from `wo`: weight × η² per
+/// channel's largest, because a weight across an interface is a ratio of radiances.
 pub fn furnace(surface: &Surface, wo: Vec3, n: u32, seed: u64) -> Moments {
     let mut rng = Pcg32::new(seed, 1);
     let mut energy = Moments::default();

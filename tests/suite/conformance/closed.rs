@@ -1,5 +1,5 @@
-//! Closed meshes: no ray that starts inside may get out. Oracle: the topology; the allowed rate of misses is 0, except for
-//! rays at vertices in Embree. Random rays, vertices, edges and axes: `hard/watertight.rs`.
+//! Closed meshes: no ray that starts inside may get out. Oracle: the topology; the allowed rate of misses is 0, except
+//! for rays at vertices in Embree. Random rays, vertices, edges and axes: `hard/watertight.rs`.
 
 use glam::Vec3;
 

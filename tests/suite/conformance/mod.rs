@@ -1,16 +1,17 @@
 //! The conformance matrix: backend × query mode × {closest hit, any hit} × kinds of rays and scenes.
 //!
-//! Each cell is checked against `brute`, and `brute` against f64 ([`exact`]). A new backend is a line in [`RULES`]. Backends in
-//! Rust share one triangle test and must agree with `brute` in every bit; Embree must agree up to rounding: a differing
-//! hit has to be possible in f64 with no definite hit before it. Rates of failure that are allowed stand in the scenarios
-//! ([`Scenario::misses_allowed`]); everything else allows none. All seeds are fixed: a cell that passes always passes, so the
-//! false-alarm rate is 0. Query modes that a backend traces by the same code as one already tested are not repeated.
-//! Set `PATHSPACE_SKIP_BACKENDS=embree` to leave backends out; it is said aloud.
+//! Each cell is checked against `brute`, and `brute` against f64 ([`exact`]). A new backend is a line in [`RULES`].
+//! Backends in Rust share one triangle test and must agree with `brute` in every bit; Embree must agree up to rounding:
+//! a differing hit has to be possible in f64 with no definite hit before it. Rates of failure that are allowed stand in
+//! the scenarios ([`Scenario::misses_allowed`]); everything else allows none. All seeds are fixed: a cell that passes
+//! always passes, so the false-alarm rate is 0. Query modes that a backend traces by the same code as one already
+//! tested are not repeated. Set `PATHSPACE_SKIP_BACKENDS=embree` to leave backends out; it is said aloud.
 
 mod closed;
 pub(crate) mod exact;
 mod lanes;
 mod moving;
+mod passing;
 mod scenes;
 pub(crate) mod shapes;
 
@@ -130,7 +131,7 @@ pub(crate) fn rows() -> Vec<Row> {
         }
         let rule = RULES.iter().find(|r| r.0 == kind).expect("every backend has a line in RULES").1;
         rows.extend(QueryMode::ALL.map(|mode| Row { kind, rule, mode, isa: None }));
-        if matches!(kind, BackendKind::Obvhs | BackendKind::FlatObvhs) && math::isa::has_avx512() {
+        if matches!(kind, BackendKind::Obvhs | BackendKind::FlatObvhs) && math::simd::detect::has_avx512() {
             rows.push(Row { kind, rule, mode: QueryMode::Single, isa: Some("avx2") });
         }
     }
@@ -162,7 +163,7 @@ fn build(
         return None;
     }
     let options = BackendOptions { isa: row.isa.map(str::to_owned), ..BackendOptions::with_mode(row.mode) };
-    let built = backend::build(row.kind, geometry, &options).expect("the backend builds");
+    let built = backend::select::build(row.kind, geometry, &options).expect("the backend builds");
     let info = built.info();
     assert_eq!(info.kind, row.kind);
     assert_eq!((info.rays_incoherent, info.rays_coherent), (info.rays_shadow, info.rays_shadow));
@@ -326,8 +327,8 @@ const QUERIES: [Query; 4] = [
 
 /// Puts every query to every row over a scenario and tells what came of each cell.
 pub(crate) fn judge(scenario: &Scenario, mut tell: impl FnMut(&Row, Query, Cell)) {
-    let brute =
-        backend::build(BackendKind::Brute, &scenario.geometry, &BackendOptions::default()).expect("brute builds");
+    let brute = backend::select::build(BackendKind::Brute, &scenario.geometry, &BackendOptions::default())
+        .expect("brute builds");
     let compared = &scenario.rays[..scenario.compared];
     let by_brute = closest(brute.as_ref(), compared, Coherence::Incoherent);
     let mut by_f64 = None;
@@ -355,7 +356,8 @@ fn check(scenarios: &[Scenario]) {
             let Cell { rays, wrong, missed, missed_allowed, example } = cell;
             let _ = writeln!(
                 table,
-                "{verdict} {:28} {:16} {:22} {rays:7} rays {wrong:6} wrong {missed:6} missed (≤ {missed_allowed}) {example}",
+                "{verdict} {:28} {:16} {:22} {rays:7} rays {wrong:6} wrong {missed:6} missed \
+                 (≤ {missed_allowed}) {example}",
                 scenario.name,
                 row.name(),
                 format!("{query:?}"),

@@ -1,5 +1,6 @@
-//! Instances that move: rays of any time in one batch, against brute force over the scene as it stands at that time, which knows no
-//! motion. Also rays that leave a moving triangle. Oracles: frozen geometry, [`exact`]; no re-hit. Nothing random is left: rate 0.
+//! Instances that move: rays of any time in one batch, against brute force over the scene as it stands at that time,
+//! which knows no motion. Also rays that leave a moving triangle. Oracles: frozen geometry, [`exact`]; no re-hit.
+//! Nothing random is left: rate 0.
 
 use glam::{Affine3A, Mat3A, Quat, Vec3};
 use pathspace::backend::batch::{BLOCKED, Hit, LANES, RayBlock, RayHitBlock};
@@ -17,7 +18,8 @@ fn way(parts: usize, at: impl Fn(f32) -> Affine3A) -> Vec<Affine3A> {
     (0..=parts).map(|i| at(i as f32 / parts as f32)).collect()
 }
 
-/// A still soup, and six things that move: straight on, turning, mirrored and stretched, growing, far off, and with a copy.
+/// A still soup, and six things that move: straight on, turning, mirrored and stretched, growing, far off, and with a
+/// copy.
 fn scene() -> Geometry {
     let mut rng = Rng::new(31);
     let mut b = SceneBuilder::new();
@@ -89,7 +91,8 @@ fn backends_agree_at_every_time() {
         .collect();
     let mut oracle = vec![None; rays.len()];
     for (t, still) in stills.iter().enumerate() {
-        let brute = backend::build(BackendKind::Brute, still, &BackendOptions::default()).expect("brute builds");
+        let brute =
+            backend::select::build(BackendKind::Brute, still, &BackendOptions::default()).expect("brute builds");
         let of_time: Vec<TestRay> = rays.iter().skip(t).step_by(TIMES).map(|(ray, _)| *ray).collect();
         let hits = closest(brute.as_ref(), &of_time, Coherence::Incoherent);
         for (k, hit) in hits.into_iter().enumerate() {
@@ -129,8 +132,8 @@ fn any_place(rng: &mut Rng, reach: f32) -> Affine3A {
     Affine3A::from_scale_rotation_translation(scale, turn, rng.cube() * reach)
 }
 
-/// Rays that leave a triangle on the move never meet it again: the error bounds hold at every time and for every backend's way to
-/// take a ray to the triangle. 10⁵ rays and more for each (far away some of the aimed ones pass by).
+/// Rays that leave a triangle on the move never meet it again: the error bounds hold at every time and for every
+/// backend's way to take a ray to the triangle. 10⁵ rays and more for each (far away some of the aimed ones pass by).
 #[test]
 fn no_ray_meets_the_moving_triangle_it_leaves() {
     for reach in [1.0, 1e3, 1e6] {

@@ -2,7 +2,7 @@
 //! shading records (`Geometry::triangles`, `attributes`) stay empty, for backends never look at them.
 
 use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec3};
-use pathspace::scene::geometry::{Geometry, Placement, TriangleMesh};
+use pathspace::scene::geometry::{Geometry, NO_MATERIAL, Placement, TriangleMesh};
 
 /// Centre far from the origin of HARDCASES G01, where an ulp is 1/64 m.
 pub const FAR: Vec3 = Vec3::new(148_376.0, 1_234.0, -223_423.0);
@@ -95,6 +95,7 @@ pub fn placed(mesh: u32, world_from_object: Affine3A) -> Placement {
         world_from_object,
         object_from_world: narrow(object),
         world_from_normal: Mat3A::from_cols_array(&normal),
+        material: NO_MATERIAL,
     }
 }
 

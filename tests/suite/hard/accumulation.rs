@@ -1,4 +1,5 @@
-//! What becomes of samples in the film and in files (HARDCASES M08–M11): sums, variances, values that are not finite, output precision.
+//! What becomes of samples in the film and in files (HARDCASES M08–M11): sums, variances, values that are not finite,
+//! output precision.
 
 use glam::Vec3;
 use pathspace::film::exr::{ExrOptions, read_exr};
@@ -6,9 +7,10 @@ use pathspace::film::{Film, Pixel};
 use pathspace::plan::options::Crop;
 use pathspace::scene::Scene;
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::wavefront::raygen::Chunk;
-use pathspace::wavefront::state::{Gathered, Wave};
-use pathspace::wavefront::{Counters, accumulate};
+use pathspace::transport::accumulate;
+use pathspace::transport::counters::Counters;
+use pathspace::transport::raygen::Chunk;
+use pathspace::transport::wave::{Gathered, Wave};
 use pathspace_stat::{Moments, Pcg32};
 
 use super::Case;
@@ -70,8 +72,8 @@ fn m08_accumulation_over_millions_of_samples() {
     case.close();
 }
 
-/// The film keeps no sum of squares: the variance of a pixel is (A − B)²·n₀n₁/n², a square by construction. Pixels of two samples each give
-/// (a − b)²/4; over the sequence their mean is half of the variance of a sample.
+/// The film keeps no sum of squares: the variance of a pixel is (A − B)²·n₀n₁/n², a square by construction.
+/// Pixels of two samples each give (a − b)²/4; over the sequence their mean is half of the variance of a sample.
 #[test]
 fn m09_variance_accumulation() {
     let mut case = Case::open("M09", "Variance accumulation", "E[x²] − E[x]² cancellation");
@@ -103,8 +105,9 @@ fn m09_variance_accumulation() {
     case.close();
 }
 
-/// The fault is put where the wavefront hands finished samples to the film. Negative samples are kept; only the filter's weights make
-/// them, and they are not counted. No mean of finite f32 samples is beyond f32 but by the filter's weights; the file then holds ±f32::MAX.
+/// The fault is put where the wavefront hands finished samples to the film. Negative samples are kept; only the
+/// filter's weights make them, and they are not counted. No mean of finite f32 samples is beyond f32 but by the
+/// filter's weights; the file then holds ±f32::MAX.
 #[test]
 fn m10_samples_that_are_not_finite() {
     let mut case = Case::open("M10", "NaN, Inf and huge samples", "containment and honest reporting");
@@ -140,8 +143,8 @@ fn m10_samples_that_are_not_finite() {
     case.close();
 }
 
-/// 16-bit values saturate at ±65504, as `--half` says; a mean beyond f32 is written as the largest f32. Below half of the smallest subnormal
-/// is 0.
+/// 16-bit values saturate at ±65504, as `--half` says; a mean beyond f32 is written as the largest f32. Below half of
+/// the smallest subnormal is 0.
 #[test]
 fn m11_output_precision() {
     let mut case = Case::open("M11", "Output precision", "f16 and 8-bit range");
@@ -154,7 +157,7 @@ fn m11_output_precision() {
     film.pixels[7] = Pixel { sum: [[1e300, -1e300, 0.0, 1.0], [0.0; 4]], n: [1, 0] };
     let read = |name: &str, half: bool| {
         let path = folder.path().join(name);
-        film.write_exr(&path, &ExrOptions { half, ..ExrOptions::default() }).expect("a writable folder");
+        film.write_exr(&path, &ExrOptions::default().half(half)).expect("a writable folder");
         read_exr(&path).expect("just written").rgb
     };
     let rgb = read("single.exr", false);

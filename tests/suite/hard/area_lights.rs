@@ -1,10 +1,10 @@
-//! Area lights: polygons, discs and spheres over a receiver, cut by its horizon, touching it, seen from behind. Each by BSDF
-//! sampling, light sampling and both.
+//! Area lights: polygons, discs and spheres over a receiver, cut by its horizon, touching it, seen from behind. Each by
+//! BSDF sampling, light sampling and both.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 
 use glam::{DVec3, Vec3};
-use pathspace::plan::options::{RenderOptions, Strategy};
+use pathspace::plan::options::Strategy;
 use pathspace::scene::Projection;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::shading::light::Lights;
@@ -32,15 +32,9 @@ pub fn square(b: &mut SceneBuilder) {
 /// The means of one receiver by every strategy; `wasted` is the factor on the number of light samples.
 fn strategies(means: &mut Means, what: &str, receiver: &Receiver, expected: f64, mode: &Mode, n: u64, wasted: u64) {
     for (i, strategy) in STRATEGIES.into_iter().enumerate() {
-        let more = if strategy == Strategy::BsdfOnly { 1 } else { wasted };
+        let more = if strategy == Strategy::BSDF { 1 } else { wasted };
         let estimate = receiver.irradiance(n * more, with(mode, strategy, 11 + i as u64));
-        means.add(
-            format!("{what}, {strategy:?}"),
-            expected,
-            1e-5 * expected,
-            delta_of(strategy, expected, n),
-            estimate,
-        );
+        means.add(format!("{what}, {strategy}"), expected, 1e-5 * expected, delta_of(strategy, expected, n), estimate);
     }
 }
 
@@ -87,8 +81,8 @@ fn l02_triangle() {
         means.judge(&mut case, &mode.name);
     }
 
-    // The map from the square keeps areas: 256² midpoints against a 16² grid. Sheared lattice lines shift a cell's count by
-    // at most its boundary, 32 of 512. No point outside, corners of the lattice included.
+    // The map from the square keeps areas: 256² midpoints against a 16² grid. Sheared lattice lines shift a cell's
+    // count by at most its boundary, 32 of 512. No point outside, corners of the lattice included.
     let mut counts = [[0u32; 16]; 16];
     let mut outside = 0;
     let one = 1.0 - f32::EPSILON / 2.0;
@@ -119,7 +113,7 @@ fn l03_cut_by_the_horizon() {
         // Half of the light samples are below the horizon: the power needs twice their number.
         strategies(&mut means, "aside", &receiver, expected, &mode, samples(&mode), 2);
         means.judge(&mut case, &mode.name);
-        let film = receiver.render(1 << 12, with(&mode, Strategy::LightOnly, 3)).film;
+        let film = receiver.render(1 << 12, with(&mode, Strategy::LIGHT, 3)).film;
         let negative = film.pixels.iter().filter(|pixel| pixel.mean().iter().any(|value| *value < 0.0));
         case.count(format!("{} (negative samples)", mode.name), 0, negative.count() as u64);
     }
@@ -158,7 +152,7 @@ fn l04_disc() {
             let receiver = Receiver::new(Vec3::X * offset, UP, &fan);
             let full = if offset == 0.0 || offset == 5.0 { 1 << 20 } else { 1 << 18 };
             let n = if mode.is_main() { full } else { 1 << 12 };
-            let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 4));
+            let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, 4));
             let tau = (1e-5 + FAN_DEFICIT) * expected;
             means.add(format!("offset {offset}"), expected, tau, delta(n), estimate);
         }
@@ -195,8 +189,8 @@ fn l05_sphere() {
         (0.99, 80.0, 1.56118122),
         (0.99, 120.0, 0.557232721),
     ];
-    // What the mesh sends is known exactly: all of it is in view, and its outline lies between those of the sphere through
-    // its corners and of the one that its faces touch. That bounds what the mesh lacks of the sphere.
+    // What the mesh sends is known exactly: all of it is in view, and its outline lies between those of the sphere
+    // through its corners and of the one that its faces touch. That bounds what the mesh lacks of the sphere.
     let rows = 32;
     let least = (PI / f64::from(2 * rows)).cos().powi(2);
     let lights = positions.map(|(s, degrees, expected)| {
@@ -227,15 +221,15 @@ fn l05_sphere() {
         for &(s, degrees, _, exact, ref light) in &lights {
             // The nearest mesh is 0.01 away.
             let receiver = Receiver { half_m: 1e-4, ..Receiver::new(ORIGIN, UP, light) };
-            // The full number where the horizon cuts; a quarter elsewhere. Most of the nearest sphere that counts is cut
-            // off: there the same number sees a bias twice as large.
+            // The full number where the horizon cuts; a quarter elsewhere. Most of the nearest sphere that counts is
+            // cut off: there the same number sees a bias twice as large.
             let (n, band) = match (mode.is_main(), mode.is_brute()) {
                 (true, _) if degrees >= 89.0 => (1 << 20, if s == 0.99 { delta(1 << 18) } else { delta(1 << 20) }),
                 (true, _) => (1 << 18, delta(1 << 18)),
                 (_, true) => (1 << 9, 2.0 * delta(1 << 9)),
                 _ => (1 << 12, 2.0 * delta(1 << 12)),
             };
-            let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 5));
+            let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, 5));
             means.add(format!("s = {s}, {degrees}°"), exact, 1e-4 * exact, band, estimate);
         }
         means.judge(&mut case, &mode.name);
@@ -259,11 +253,11 @@ fn l08_touching_the_receiver() {
         let mut means = Means::default();
         for (c, expected) in distances {
             let receiver = Receiver::new(Vec3::X * c, UP, &standing);
-            for strategy in [Strategy::MisPower, Strategy::BsdfOnly] {
+            for strategy in [Strategy::MIS, Strategy::BSDF] {
                 let n = samples(&mode);
                 let estimate = receiver.irradiance(n, with(&mode, strategy, 8));
                 let delta = delta_of(strategy, expected, n);
-                means.add(format!("at {c:e} m, {strategy:?}"), expected, 1e-4 * expected, delta, estimate);
+                means.add(format!("at {c:e} m, {strategy}"), expected, 1e-4 * expected, delta, estimate);
             }
         }
         means.judge(&mut case, &mode.name);
@@ -275,8 +269,8 @@ fn l08_touching_the_receiver() {
         let variance = |strategy| receiver.single_samples(n, with(&mode, strategy, 9)).variance[0];
         let cosine = if mode.is_main() { 0.02 } else { 0.02 * 8.0 };
         let on = |what: &str| format!("{} (variance at 0.01 m, {what})", mode.name);
-        case.number(on("cosine"), 2.46679, variance(Strategy::BsdfOnly), cosine);
-        let mis = variance(Strategy::MisPower);
+        case.number(on("cosine"), 2.46679, variance(Strategy::BSDF), cosine);
+        let mis = variance(Strategy::MIS);
         case.row(on("MIS"), "2.437, below 5", format!("{mis:.4}"), format!("{:.1e}", mis / 2.437 - 1.0), mis < 5.0);
     }
     // Area sampling by the lights alone. A tail so heavy is not for counting: the second moment is integrated over the
@@ -399,8 +393,8 @@ fn l20_one_sided_and_two_sided() {
     case.close();
 }
 
-/// Whether a point drawn on L01's square lies on it and has the density that the same point has when it is hit; from behind
-/// none.
+/// Whether a point drawn on L01's square lies on it and has the density that the same point has when it is hit; from
+/// behind none.
 fn consistent(lights: &Lights, p: Vec3, sample: &LightSample) -> bool {
     let point = sample.target.expect("finite");
     let on_it = (point.position.z - 1.0).abs() <= point.error && point.normal == -UP;
@@ -419,8 +413,8 @@ fn consistent(lights: &Lights, p: Vec3, sample: &LightSample) -> bool {
 #[test]
 fn l22_inside_and_on_a_sphere() {
     let mut case = Case::open("L22", "receiver inside or on a spherical emitter (mesh)", "a light all around");
-    // Emission is one-sided: a sphere that faces inward for receivers inside, one that faces outward for those outside. The
-    // receiver stays at the origin, where its patch is not rounded away, and the sphere moves.
+    // Emission is one-sided: a sphere that faces inward for receivers inside, one that faces outward for those outside.
+    // The receiver stays at the origin, where its patch is not rounded away, and the sphere moves.
     let rows = 32;
     let sphere = |receiver: Vec3, inward: bool| {
         move |b: &mut SceneBuilder| {
@@ -433,7 +427,8 @@ fn l22_inside_and_on_a_sphere() {
         sphere(receiver, false)(&mut b);
         b.build().meshes.swap_remove(0)
     };
-    // Along a corner the mesh reaches to the sphere. Outside, the middle of a face is the like of a sphere's tangent plane.
+    // Along a corner the mesh reaches to the sphere. Outside, the middle of a face is the like of a sphere's tangent
+    // plane.
     let mesh = mesh_at(ORIGIN);
     let corner = mesh.positions[(rows / 2 * 2 * rows) as usize];
     let [a, b, c] = mesh.triangles[mesh.triangles.len() / 2].map(|i| mesh.positions[i as usize]);
@@ -456,14 +451,14 @@ fn l22_inside_and_on_a_sphere() {
             let lamp = sphere(corner * share, true);
             for (j, normal) in [UP, -corner, corner.any_orthonormal_vector()].into_iter().enumerate() {
                 let receiver = Receiver { half_m: 1e-7, ..Receiver::new(ORIGIN, normal, &lamp) };
-                let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, (22 + 3 * i + j) as u64));
+                let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, (22 + 3 * i + j) as u64));
                 means.add(format!("inside at {share}, normal {j}"), PI, 1e-4 * PI, delta(n), estimate);
             }
         }
         let lamp = sphere(near, false);
         for (what, normal, tau) in [("facing", -normal, 1e-4), ("perpendicular", tangent, 2e-3)] {
             let receiver = Receiver { half_m: 1e-7, ..Receiver::new(ORIGIN, normal, &lamp) };
-            let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 31));
+            let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, 31));
             means.add(format!("outside, {what}"), exact(normal), tau * exact(normal), delta(n), estimate);
         }
         means.judge(&mut case, &mode.name);
@@ -475,7 +470,8 @@ fn l22_inside_and_on_a_sphere() {
 fn l24_reciprocity_of_two_rectangles() {
     let mut case =
         Case::open("L24", "flux reciprocity of two rectangles", "symmetry of the geometry term and of visibility");
-    // A unit square below, 2×2 above, 1 m apart. One emits, the other (albedo ½) is seen by a parallel camera that covers it.
+    // A unit square below, 2×2 above, 1 m apart. One emits, the other (albedo ½) is seen by a parallel camera that
+    // covers it.
     let sides = [0.5f32, 1.0];
     let scene = |emitter: usize| {
         let mut b = SceneBuilder::new();
@@ -495,15 +491,15 @@ fn l24_reciprocity_of_two_rectangles() {
         let n = samples(&mode);
         let mut means = Means::default();
         let mut flux = [Estimate::default(); 2];
-        for (emitter, strategy) in
-            [(0, Strategy::LightOnly), (1, Strategy::LightOnly), (0, Strategy::MisPower), (1, Strategy::MisPower)]
+        for (emitter, strategy) in [(0, Strategy::LIGHT), (1, Strategy::LIGHT), (0, Strategy::MIS), (1, Strategy::MIS)]
         {
             let options = with(&mode, strategy, 24 + emitter as u64);
-            // Mean irradiance of the receiver is π F(receiver → emitter), and A F is symmetric: F(1→2) is seen with 2 emitting.
-            let estimate = picture(&scene(emitter), n, RenderOptions { max_depth: 2, ..options }).scaled(2.0);
+            // Mean irradiance of the receiver is π F(receiver → emitter), and A F is symmetric: F(1→2) is seen
+            // with 2 emitting.
+            let estimate = picture(&scene(emitter), n, options.max_depth(2)).scaled(2.0);
             let factor = expected[1 - emitter];
             means.add(
-                format!("F({}→{}), {strategy:?}", 2 - emitter, 1 + emitter),
+                format!("F({}→{}), {strategy}", 2 - emitter, 1 + emitter),
                 factor,
                 1e-5 * factor,
                 delta(n),

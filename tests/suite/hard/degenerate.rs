@@ -1,4 +1,5 @@
-//! Geometry that upsets builders and tests: triangles without area, coincident and identical ones (HARDCASES G13–G15). Oracles stand at each case; nothing random is left.
+//! Geometry that upsets builders and tests: triangles without area, coincident and identical ones (HARDCASES
+//! G13–G15). Oracles stand at each case; nothing random is left.
 
 use std::time::{Duration, Instant};
 
@@ -15,8 +16,8 @@ use crate::conformance::shapes::{Rng, grid, mesh, world};
 use crate::conformance::{Rule, Scenario, TestRay, bits, closest, each_backend, judge, variants};
 use crate::loading::fixture::Fixture;
 
-/// A thousand triangles without area: repeated vertices, points, collinear ones, needles 10⁻³⁰ high; and the one that broke
-/// another renderer.
+/// A thousand triangles without area: repeated vertices, points, collinear ones, needles 10⁻³⁰ high; and the one
+/// that broke another renderer.
 fn without_area() -> Vec<[Vec3; 3]> {
     let mut rng = Rng::new(31);
     let mut bad = vec![[
@@ -120,7 +121,7 @@ fn g13_degenerate_triangles() {
 
     let scenes = [grid(1, 1.0, 0.0), quad_among(&bad)].map(|t| under_sky(&t, lambert(0.5, 0.5, 0.5)));
     for row in variants() {
-        let options = RenderOptions { backend: Some(row.kind), rays: Some(row.mode), ..options(64, 64, 4) };
+        let options = options(64, 64, 4).backend(row.kind).rays(row.mode);
         let [clean, mixed] = scenes.each_ref().map(|scene| render(scene, options.clone()));
         let differing = clean.film.pixels.iter().zip(&mixed.film.pixels).filter(|(a, b)| a != b).count();
         case.bits(format!("{}, picture", row.name()), differing + mixed.counters.nonfinite as usize);
@@ -139,8 +140,8 @@ fn g13_degenerate_triangles() {
     case.close();
 }
 
-/// A red and a blue grid in one place, in one mesh and in two. Oracles: brute force, whose tie goes to the lowest id; one thread
-/// for the picture. A lamp given twice shines once: Lambert's formula, by each strategy.
+/// A red and a blue grid in one place, in one mesh and in two. Oracles: brute force, whose tie goes to the lowest id;
+/// one thread for the picture. A lamp given twice shines once: Lambert's formula, by each strategy.
 #[test]
 fn g14_coincident_surfaces() {
     let mut case = Case::open("G14", "coincident duplicate surfaces", "tie-breaking, determinism, lights given twice");
@@ -188,13 +189,11 @@ fn g14_coincident_surfaces() {
             // Brute force looks at 16 384 triangles a ray.
             let side = if row.kind == BackendKind::Brute { 16 } else { 64 };
             let of = |threads| {
-                let options = RenderOptions {
-                    threads,
-                    backend: Some(row.kind),
-                    rays: Some(row.mode),
-                    strategy: Strategy::BsdfOnly,
-                    ..options(side as u32, side as u32, 2)
-                };
+                let options = options(side as u32, side as u32, 2)
+                    .threads(threads)
+                    .backend(row.kind)
+                    .rays(row.mode)
+                    .strategy(Strategy::BSDF);
                 render(&scene, options).film
             };
             let one = of(1);
@@ -213,9 +212,9 @@ fn g14_coincident_surfaces() {
 
     // HARDCASES L01's square at height 1 over the receiver, twice and three times, turned: E/L = 1.740839503.
     for copies in [1, 2, 3] {
-        for strategy in [Strategy::LightOnly, Strategy::BsdfOnly, Strategy::MisPower] {
+        for strategy in [Strategy::LIGHT, Strategy::BSDF, Strategy::MIS] {
             let estimate = under_lamps(copies, strategy);
-            case.mean(format!("lamp × {copies}, {strategy:?}"), [1.740839503; 3], 1e-5, 1e-2, &estimate);
+            case.mean(format!("lamp × {copies}, {strategy}"), [1.740839503; 3], 1e-5, 1e-2, &estimate);
         }
     }
     case.close();
@@ -233,7 +232,7 @@ fn under_lamps(copies: usize, strategy: Strategy) -> Estimate {
         corners.rotate_left(2 * copy % 4);
         b.quad(corners, lamp);
     }
-    let options = RenderOptions { strategy, max_depth: 2, seed: 14, ..RenderOptions::default() };
+    let options = RenderOptions::default().strategy(strategy).max_depth(2).seed(14);
     let mut estimate = probe(&b.build(), Vec3::new(0.0, 0.0, 0.05), Vec3::NEG_Z, 1 << 18, options);
     let scale = std::f64::consts::PI / 0.5;
     estimate.mean = estimate.mean.map(|m| m * scale);
@@ -241,9 +240,10 @@ fn under_lamps(copies: usize, strategy: Strategy) -> Estimate {
     estimate
 }
 
-/// Identical triangles, concentric ones and points. Oracle: closed form; the nearest is the first copy. That the tree is at most 64
-/// levels deep is asserted where it is built (`backend/obvhs/tree.rs`); here it shows in the time: a builder that chains is
-/// quadratic, 10⁵ copies took it more than 100 s, so a limit of 10 s separates the two even on a loaded machine.
+/// Identical triangles, concentric ones and points. Oracle: closed form; the nearest is the first copy. That the tree
+/// is at most 64 levels deep is asserted where it is built (`backend/obvhs/tree.rs`); here it shows in the time: a
+/// builder that chains is quadratic, 10⁵ copies took it more than 100 s, so a limit of 10 s separates the two even on
+/// a loaded machine.
 #[test]
 fn g15_identical_and_concentric_triangles() {
     let mut case = Case::open("G15", "100 000 identical triangles", "degenerate input to the builders");
@@ -260,7 +260,7 @@ fn g15_identical_and_concentric_triangles() {
             for row in variants() {
                 let start = Instant::now();
                 let options = BackendOptions::with_mode(row.mode);
-                let backend = backend::build(row.kind, &geometry, &options).expect("builds");
+                let backend = backend::select::build(row.kind, &geometry, &options).expect("builds");
                 let spent = start.elapsed();
                 let ray = TestRay::new(Vec3::new(0.0, 0.0, 2.0), Vec3::NEG_Z);
                 let hit = closest(backend.as_ref(), &[ray], Coherence::Incoherent)[0];

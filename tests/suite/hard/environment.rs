@@ -1,4 +1,5 @@
-//! Light from an environment: analytic maps that show how directions are mapped, and a sun of 10⁶:1, also at the pole.
+//! Light from an environment: analytic maps that show how directions are mapped, and a sun of 10⁶:1, also at the
+//! pole.
 
 use std::f64::consts::PI;
 
@@ -30,7 +31,8 @@ fn compass() -> Vec<DVec3> {
         .collect()
 }
 
-/// Irradiances of receivers facing each of `normals`, by one light sample and one BSDF sample each, the light samples shared.
+/// Irradiances of receivers facing each of `normals`, by one light sample and one BSDF sample each, the light samples
+/// shared.
 fn all_around(lights: &Lights, normals: &[DVec3], samples: u32, seed: u64) -> Vec<Moments> {
     let mut random = Random(seed);
     let frames: Vec<Frame> = normals.iter().map(|n| Frame::from_normal(n.as_vec3())).collect();
@@ -109,7 +111,7 @@ fn l13_analytic() {
             };
             let receiver = Receiver::new(ORIGIN, normal.as_vec3(), &sky);
             let expected = expected(normal);
-            let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, i as u64));
+            let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, i as u64));
             means.add(format!("{name}, n = {normal:.2}"), expected, 1e-4 * expected, delta(n), estimate);
         }
         means.judge(&mut case, &mode.name);
@@ -137,8 +139,8 @@ fn sunny(sun_row: u32) -> Environment {
     Environment { width, height, texels: texels.into(), rotation_rad: 0.7, intensity: 1.0 }
 }
 
-/// Irradiance from above of [`sunny`], by Simpson's rule: over longitude the texel's tent integrates to one texel; above the
-/// first row's centre the lookup is clamped.
+/// Irradiance from above of [`sunny`], by Simpson's rule: over longitude the texel's tent integrates to one texel;
+/// above the first row's centre the lookup is clamped.
 fn sunny_irradiance(sun_row: u32) -> f64 {
     let step = PI / f64::from(SKY.1);
     let centre = (f64::from(sun_row) + 0.5) * step;
@@ -158,8 +160,8 @@ fn l14_sun_in_one_texel() {
     let mut case = Case::open("L14", "sun of 10⁶:1 in an environment, also at the pole", "range of radiance, poles");
     let suns = [(0, 3.15603102), (1, 3.1849072), (64, 4.95590138), (256, 7.84775253)];
 
-    // Constant per texel, as the specification has it: the renderer looks up bilinearly, so this is its grid alone, with
-    // directions uniform per steradian within a texel. The spread below 2 is what the power rests on.
+    // Constant per texel, as the specification has it: the renderer looks up bilinearly, so this is its grid alone,
+    // with directions uniform per steradian within a texel. The spread below 2 is what the power rests on.
     let mut means = Means::default();
     let mut spreads: f64 = 0.0;
     for (sun_row, expected) in suns {
@@ -214,11 +216,11 @@ fn l14_sun_in_one_texel() {
                 b.environment(map.clone());
             };
             let (receiver, expected) = (Receiver::new(ORIGIN, Vec3::Y, &sky), sunny_irradiance(sun_row));
-            for strategy in [Strategy::LightOnly, Strategy::MisPower] {
+            for strategy in [Strategy::LIGHT, Strategy::MIS] {
                 let estimate = receiver.irradiance(n, with(&mode, strategy, 14 + u64::from(sun_row)));
                 // 4.9 standard errors of a relative deviation of 2.
                 let delta = 2e-2 * ((1u64 << 18) as f64 / n as f64).sqrt();
-                means.add(format!("row {sun_row}, {strategy:?}"), expected, 1e-4 * expected, delta, estimate);
+                means.add(format!("row {sun_row}, {strategy}"), expected, 1e-4 * expected, delta, estimate);
             }
         }
         means.judge(&mut case, &mode.name);

@@ -1,9 +1,11 @@
-//! Frames around a normal and directions in them (HARDCASES B18, B19). Oracle: the identity, and that nothing divides by zero.
+//! Frames around a normal and directions in them (HARDCASES B18, B19). Oracle: the identity, and that nothing divides
+//! by zero.
 
 use glam::Vec3;
 use pathspace::math::frame::Frame;
 use pathspace::math::warp;
-use pathspace::shading::bsdf::lambert;
+use pathspace::shading::bsdf::lambert::Lambert;
+use pathspace::shading::bsdf::model::Bsdf;
 use pathspace_stat::Pcg32;
 
 use super::Case;
@@ -84,11 +86,11 @@ fn b19_cosine_rim() {
         let w = warp::cosine_hemisphere(u);
         lowest = if w.z >= lowest { lowest } else { w.z };
         longest = longest.max((w.as_dvec3().length() - 1.0).abs());
-        let sample = lambert::sample(albedo, Vec3::Z, u);
+        let sample = Lambert { albedo }.sampled(Vec3::Z, [0.0, u[0], u[1]]);
         wrong += u64::from(!sample.is_some_and(|s| {
             s.pdf_sa > 0.0
                 && s.weight == albedo
-                && s.pdf_sa == lambert::eval(albedo, Vec3::Z, s.wi).pdf_sa
+                && s.pdf_sa == Lambert { albedo }.value(Vec3::Z, s.wi).pdf_sa
                 && s.pdf_sa == warp::cosine_hemisphere_pdf(w.z)
         }));
     };

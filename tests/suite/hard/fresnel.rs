@@ -1,5 +1,6 @@
-//! Fresnel reflectance: tables, the critical angle, interfaces that are hardly there, conductors, averages (HARDCASES B07–B11).
-//! Oracles: integrals and complex arithmetic in 40 digits, the specification's; deterministic but for the sampled average.
+//! Fresnel reflectance: tables, the critical angle, interfaces that are hardly there, conductors, averages (HARDCASES
+//! B07–B11). Oracles: integrals and complex arithmetic in 40 digits, the specification's; deterministic but for the
+//! sampled average.
 
 use glam::Vec3;
 use pathspace::math::warp;
@@ -45,8 +46,8 @@ fn transmitted_from_inside(cos: f32) -> f64 {
     1.0 - 0.5 * (s * s + p * p)
 }
 
-/// The rounding of an f32 cosine, 2⁻²⁵, moves 1 − F by half of its share of d: at d = 1e-6 that is 1.5 %. So the table is asked
-/// down to 1e-5, as the specification has it, and below that the exact value at the rounded cosine.
+/// The rounding of an f32 cosine, 2⁻²⁵, moves 1 − F by half of its share of d: at d = 1e-6 that is 1.5 %. So the
+/// table is asked down to 1e-5, as the specification has it, and below that the exact value at the rounded cosine.
 #[test]
 fn b08_near_the_critical_angle() {
     let mut case = Case::open("B08", "Near the critical angle", "square-root singularity of the transmission");

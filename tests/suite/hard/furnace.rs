@@ -1,5 +1,5 @@
-//! Closed rooms with a known answer: everything emits 1 and reflects ρ, whatever the shape; a sphere with a lamp; plates between
-//! mirrors.
+//! Closed rooms with a known answer: everything emits 1 and reflects ρ, whatever the shape; a sphere with a lamp;
+//! plates between mirrors.
 
 use glam::Vec3;
 use pathspace::plan::options::{CameraChoice, RenderOptions, Roulette, SamplerKind, Strategy};
@@ -19,8 +19,8 @@ pub enum Shape {
     Sphere,
     /// An L-shaped room, which hides parts of itself.
     Corner,
-    /// A cube around a ring, which hides parts of itself and of the walls. Emission is one-sided, so every visible side has
-    /// to be a front: a Klein bottle could not be.
+    /// A cube around a ring, which hides parts of itself and of the walls. Emission is one-sided, so every visible side
+    /// has to be a front: a Klein bottle could not be.
     Ring,
 }
 
@@ -90,14 +90,14 @@ const PARALLEL: CameraChoice = CameraChoice::Index(1);
 
 /// Survival q = ρ at every bounce: a path carries 1 until it ends, and counts its vertices.
 fn geometric(mode: &Mode, rho: f32, spp: u64) -> RenderOptions {
-    mode.options(RenderOptions {
-        strategy: Strategy::BsdfOnly,
-        roulette: Roulette::Constant(rho),
-        sampler: SamplerKind::Independent,
-        max_depth: 1 << 16,
-        seed: 1,
-        ..options(64, 64, spp)
-    })
+    mode.options(
+        options(64, 64, spp)
+            .strategy(Strategy::BSDF)
+            .roulette(Roulette::Constant(rho))
+            .sampler(SamplerKind::Independent)
+            .max_depth(1 << 16)
+            .seed(1),
+    )
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn p01_closed_furnace() {
             }
             let spp = if mode.is_main() { spp } else { spp / 64 };
             let on = format!("{}, ρ = {rho}, {shape:?}", mode.name);
-            let options = RenderOptions { camera, ..geometric(&mode, rho, spp) };
+            let options = geometric(&mode, rho, spp).camera(camera);
             let film = render(&furnace(shape, Vec3::splat(rho)), options).film;
             // f32 sums of up to 2^24 ones are exact; ρ itself is rounded.
             let (rho, n) = (f64::from(rho), 4096.0 * spp as f64);
@@ -141,11 +141,11 @@ fn p02_terms_of_the_furnace() {
     let mut case = Case::open("P02", "Neumann terms of the furnace", "each path length by itself");
     let point = (Vec3::new(0.1, 0.2, -0.1), Vec3::new(0.3, -0.5, 0.8));
     let terms = |scene: &Scene, n: u32, options: RenderOptions| {
-        let film = probe_film(scene, point.0, point.1, n, RenderOptions { per_length: true, ..options });
-        let lengths = film.lengths.expect("asked for");
+        let film = probe_film(scene, point.0, point.1, n, options.per_length(true)).film;
+        let lengths = film.path_lengths().expect("asked for");
         let of = |edge: usize| Estimate::of(lengths.image(edge).into_iter());
         let total: f64 = (1..=16).map(|edge| lengths.image(edge).iter().map(|v| v[0]).sum::<f64>()).sum();
-        let picture: f64 = film.film.pixels.iter().map(|pixel| pixel.mean()[0]).sum();
+        let picture: f64 = film.pixels.iter().map(|pixel| pixel.mean()[0]).sum();
         ((1..=9).map(of).collect::<Vec<_>>(), total, picture)
     };
     for mode in Mode::all() {
@@ -153,14 +153,13 @@ fn p02_terms_of_the_furnace() {
         for (rho, shape) in [(0.5f32, Shape::Sphere), (0.9, Shape::Corner)] {
             // Without roulette every sample of term k is ρᵏ.
             let scene = furnace(shape, Vec3::splat(rho));
-            let options =
-                RenderOptions { roulette: Roulette::Off, max_depth: 12, ..with(&mode, Strategy::BsdfOnly, 2) };
+            let options = with(&mode, Strategy::BSDF, 2).roulette(Roulette::Off).max_depth(12);
             let (found, total, picture) = terms(&scene, 1 << 10, options);
             exact.extend((0..9).map(|k| (f64::from(rho).powi(k as i32), found[k].mean[0], 2f64.powi(-20))));
             sums.push((rho, total, picture));
             // By light sampling and roulette terms have noise.
             let n = if mode.is_main() { 1 << 18 } else { 1 << 12 };
-            let options = RenderOptions { max_depth: 16, ..with(&mode, Strategy::MisPower, 2) };
+            let options = with(&mode, Strategy::MIS, 2).max_depth(16);
             let (found, ..) = terms(&scene, n, options);
             let mut means = Means::default();
             for (k, estimate) in found.into_iter().enumerate().skip(1) {
@@ -186,11 +185,8 @@ fn p03_depth_limit() {
         let (mut sums, mut told) = (Vec::new(), Vec::new());
         for rho in [0.5f32, 0.8, 0.9, 0.99, 0.999] {
             let scene = furnace(Shape::Cube, Vec3::splat(rho));
-            let at = |scatterings: u32| RenderOptions {
-                strategy: Strategy::BsdfOnly,
-                roulette: Roulette::Off,
-                max_depth: scatterings + 1,
-                ..options(8, 8, 1)
+            let at = |scatterings: u32| {
+                options(8, 8, 1).strategy(Strategy::BSDF).roulette(Roulette::Off).max_depth(scatterings + 1)
             };
             let mut renderer = Renderer::new(&scene, mode.options(at(0))).expect("valid options");
             for scatterings in [0, 1, 2, 4, 8, 16, 64, 256, 1024] {
@@ -246,7 +242,7 @@ fn p05_infinite_plates() {
                         (true, _) => 1 << 13,
                         _ => 1 << 9,
                     };
-                    let options = RenderOptions { max_depth: 4096, ..with(&mode, Strategy::MisPower, 5) };
+                    let options = with(&mode, Strategy::MIS, 5).max_depth(4096);
                     let (pixels, options) = spread(n, options);
                     let estimate = probe(&scene, Vec3::new(x, y, 1.0), towards, pixels, options);
                     let plate = if towards.z < 0.0 { 'A' } else { 'B' };
@@ -282,12 +278,12 @@ fn p06_finite_plates() {
         let mut means = Means::default();
         for (what, x, expected) in [("centre", 0.0, 0.7522746885), ("corner", 0.5, 0.4352098757)] {
             let receiver = Receiver::new(Vec3::new(x, x, 0.0), Vec3::Z, &plate);
-            for strategy in [Strategy::LightOnly, Strategy::MisPower] {
+            for strategy in [Strategy::LIGHT, Strategy::MIS] {
                 let estimate = receiver.irradiance(n, with(&mode, strategy, 6));
-                means.add(format!("{what}, {strategy:?}"), expected, 1e-5 * expected, delta(n), estimate);
+                means.add(format!("{what}, {strategy}"), expected, 1e-5 * expected, delta(n), estimate);
             }
         }
-        let options = RenderOptions { max_depth: 2, ..with(&mode, Strategy::MisPower, 7) };
+        let options = with(&mode, Strategy::MIS, 7).max_depth(2);
         let mean = picture(&whole, n, options).scaled(std::f64::consts::PI / 0.5);
         means.add("mean", 0.6277684243, 1e-5 * 0.63, delta(n), mean);
         means.judge(&mut case, &mode.name);
@@ -301,7 +297,7 @@ fn p13_coloured_albedo() {
     // The rule goes by the largest channel; there is none by luminance.
     for mode in Mode::all() {
         let n: u64 = if mode.is_main() { 1 << 20 } else { 1 << 13 };
-        let options = RenderOptions { max_depth: 1 << 12, ..with(&mode, Strategy::BsdfOnly, 13) };
+        let options = with(&mode, Strategy::BSDF, 13).max_depth(1 << 12);
         let estimate = picture(&furnace(Shape::Cube, Vec3::new(0.9, 0.5, 0.1)), n, options);
         let expected = [10.0, 2.0, 1.111111111];
         let delta = 2.5e-3 * ((1u64 << 22) as f64 / n as f64).sqrt();

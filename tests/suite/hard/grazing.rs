@@ -1,8 +1,9 @@
 //! Rays nearly parallel to a triangle (HARDCASES G16): what is reported must lie on the ray, and on the triangle.
 //!
-//! Oracle: signs of the edge functions in f64 on the f32 inputs. The bounds are the specification's: the reported point lies within
-//! 4·2⁻²⁴ (|o| + t|d| + |v0|) of the ray, t within 10⁻⁴ of the range over the vertices. A hit is lost when the ray passes the
-//! inside of the triangle by more than the first bound and nothing is reported; nearer to an edge f32 inputs do not say.
+//! Oracle: signs of the edge functions in f64 on the f32 inputs. The bounds are the specification's: the reported point
+//! lies within 4·2⁻²⁴ (|o| + t|d| + |v0|) of the ray, t within 10⁻⁴ of the range over the vertices. A hit is
+//! lost when the ray passes the inside of the triangle by more than the first bound and nothing is reported; nearer to
+//! an edge f32 inputs do not say.
 
 use glam::{DVec3, Vec3};
 use pathspace::backend::batch::Hit;
@@ -55,7 +56,7 @@ fn graze(row: &Row, distance: f64, angle: f64) -> Grazing {
             continue;
         }
         let options = BackendOptions { build_threads: 1, ..BackendOptions::with_mode(row.mode) };
-        let backend = backend::build(row.kind, &geometry, &options).expect("builds");
+        let backend = backend::select::build(row.kind, &geometry, &options).expect("builds");
         for (ray, hit) in rays.iter().zip(closest(backend.as_ref(), &rays, Coherence::Incoherent)) {
             sum.judge(&corners, ray, hit);
         }

@@ -1,5 +1,5 @@
-//! What a file or a caller may get wrong (HARDCASES I01–I06). Each fault is refused by name or left out and counted, and what is
-//! left makes the picture that it makes alone, to the bit.
+//! What a file or a caller may get wrong (HARDCASES I01–I06). Each fault is refused by name or left out and counted,
+//! and what is left makes the picture that it makes alone, to the bit.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ use crate::conformance::{Row, TestRay, any, bits, closest, each_backend, variant
 use crate::loading::fixture::{Fixture, write};
 
 fn on(row: &Row, options: RenderOptions) -> RenderOptions {
-    RenderOptions { backend: Some(row.kind), rays: Some(row.mode), ..options }
+    options.backend(row.kind).rays(row.mode)
 }
 
 /// Pixels of which a bit differs.
@@ -76,8 +76,8 @@ fn thousand(bad: Option<Vec3>, without: bool) -> Scene {
     b.build()
 }
 
-/// Oracles: files are refused at the bent place; of a scene made in code the triangle is left out and counted, and the picture is that
-/// without it; a backend that is handed such a triangle hits the others as ever.
+/// Oracles: files are refused at the bent place; of a scene made in code the triangle is left out and counted, and the
+/// picture is that without it; a backend that is handed such a triangle hits the others as ever.
 #[test]
 fn i01_vertices_that_are_no_numbers() {
     let mut case = Case::open("I01", "NaN, Inf and out-of-range vertices", "input validation");
@@ -236,7 +236,8 @@ fn perspective(yfov_rad: f32) -> Camera {
     camera(Projection::Perspective { yfov_rad, aspect: None })
 }
 
-/// Oracle: the contract. Extreme but valid cameras give unit rays that a furnace answers with 1; the others an error of the right kind.
+/// Oracle: the contract. Extreme but valid cameras give unit rays that a furnace answers with 1; the others an error of
+/// the right kind.
 #[test]
 fn i03_degenerate_cameras() {
     let mut case = Case::open("I03", "degenerate cameras", "look-at along up, extreme fields of view, odd focus");
@@ -258,7 +259,7 @@ fn i03_degenerate_cameras() {
         for row in variants() {
             let mut scene = furnace.clone();
             scene.cameras.push(perspective(yfov));
-            let render = render(&scene, RenderOptions { lens: blur, ..on(&row, options(1, 1000, 1)) });
+            let render = render(&scene, on(&row, options(1, 1000, 1)).lens(blur));
             let dark = render.film.pixels.iter().filter(|p| p.mean()[..3] != [1.0; 3]).count() as u64;
             case.count(format!("{}, {name}: dark or invalid", row.name()), 0, dark + render.counters.invalid_rays);
         }
@@ -356,7 +357,7 @@ fn i04_cameras_in_unusual_places() {
         case.number(format!("{}, on the floor, mean", row.name()), there.mean[0], here.mean[0], 2e-2);
         let paths = 1 << 16;
         let at = |scene: &Scene, from: Vec3, dir: Vec3| {
-            probe(scene, from, dir, paths, on(&row, RenderOptions { seed: 4, ..RenderOptions::default() }))
+            probe(scene, from, dir, paths, on(&row, RenderOptions::default().seed(4)))
         };
         let from_floor = at(&room, v(0.1, 0.1, 0.0), Vec3::Z);
         case.mean(format!("{}, from the floor", row.name()), [CEILING; 3], 2e-6 * CEILING, 2.5e-2, &from_floor);
@@ -365,7 +366,7 @@ fn i04_cameras_in_unusual_places() {
         let mut b = SceneBuilder::new();
         b.camera(Vec3::ZERO, v(0.1, 0.1, 1.0), Vec3::Y, 1e-3);
         corner.cameras = b.build().cameras;
-        let options = RenderOptions { sampler: SamplerKind::Independent, ..on(&row, options(256, 256, 1)) };
+        let options = on(&row, options(256, 256, 1)).sampler(SamplerKind::Independent);
         let from_corner = of(&render(&corner, options).film);
         case.mean(format!("{}, from a vertex", row.name()), [CEILING; 3], 2e-6 * CEILING, 2.5e-2, &from_corner);
 
@@ -377,7 +378,8 @@ fn i04_cameras_in_unusual_places() {
     case.close();
 }
 
-/// Out of range is clamped with one message each, or refused; what a caller makes in code ends as an error or a finite picture.
+/// Out of range is clamped with one message each, or refused; what a caller makes in code ends as an error or a finite
+/// picture.
 #[test]
 fn i05_material_parameters_out_of_range() {
     let mut case = Case::open("I05", "material parameters out of range", "albedo, roughness, index, emission");
@@ -481,8 +483,8 @@ fn textured(width: u32, height: u32, uv: f32, span: [f32; 2]) -> (Scene, [f64; 3
     (Scene::load(fixture.write(directory.path())).expect("a valid fixture"), mean)
 }
 
-/// Oracle: the mean of the texels in linear light. Coordinates of 10⁶ have four bits of fraction: textures of 8 × 8 are met evenly by
-/// them, others in a smaller range.
+/// Oracle: the mean of the texels in linear light. Coordinates of 10⁶ have four bits of fraction: textures of 8 × 8
+/// are met evenly by them, others in a smaller range.
 #[test]
 fn i06_texture_coordinates() {
     let mut case = Case::open("I06", "texture coordinates", "huge, negative, NaN; 1 × 1 and odd sizes");
@@ -496,11 +498,7 @@ fn i06_texture_coordinates() {
     ] {
         let (scene, mean) = textured(size.0, size.1, uv, span);
         for row in variants() {
-            let options = RenderOptions {
-                sampler: SamplerKind::Independent,
-                strategy: Strategy::BsdfOnly,
-                ..on(&row, options(128, 128, 16))
-            };
+            let options = on(&row, options(128, 128, 16)).sampler(SamplerKind::Independent).strategy(Strategy::BSDF);
             let film = render(&scene, options).film;
             let estimate = Estimate::of(film.pixels.iter().map(|p| p.mean()).map(|m| [m[0], m[1], m[2]]));
             case.mean(format!("{}, {name}", row.name()), mean, 1e-4, 3e-2, &estimate);

@@ -1,5 +1,5 @@
-//! A scene scaled or moved is the same scene (HARDCASES G10–G12): bit for bit where binary arithmetic allows it, else within the
-//! specification's tolerance of the radiances of the room P07, which another solver computed (§4.3).
+//! A scene scaled or moved is the same scene (HARDCASES G10–G12): bit for bit where binary arithmetic allows it, else
+//! within the specification's tolerance of the radiances of the room P07, which another solver computed (§4.3).
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Quat, Vec3};
 use pathspace::math::float::{hit_error, hit_error_instanced, hit_point, shadow_segment, spawn_origin};
@@ -65,7 +65,7 @@ fn everything(k: i32) -> Scene {
 }
 
 fn on(row: &Row, options: RenderOptions) -> RenderOptions {
-    RenderOptions { backend: Some(row.kind), rays: Some(row.mode), ..options }
+    options.backend(row.kind).rays(row.mode)
 }
 
 /// Pixels of which a bit differs.
@@ -84,10 +84,7 @@ fn g10_scale_by_a_power_of_two() {
     let plain = everything(0);
     for row in variants() {
         let options = on(&row, options(48, 48, 4));
-        let lens = |k: i32| RenderOptions {
-            lens: Some(Lens { radius_m: 0.0625 * 2f32.powi(k), focus_m: 2.5 * 2f32.powi(k) }),
-            ..options.clone()
-        };
+        let lens = |k: i32| options.clone().lens(Lens { radius_m: 0.0625 * 2f32.powi(k), focus_m: 2.5 * 2f32.powi(k) });
         let room_film = render(&plain_room, options.clone()).film;
         let film = render(&plain, options.clone()).film;
         let lens_film = render(&plain, lens(0)).film;
@@ -141,11 +138,11 @@ fn offsets_that_do_not_scale() -> usize {
 fn at(row: &Row, scene: &Scene, place: impl Fn(DVec3) -> DVec3, target: DVec3, n: u32) -> crate::common::Estimate {
     let from = place(DVec3::new(0.5, 0.375, 0.375)).as_vec3();
     let dir = (place(target) - from.as_dvec3()).as_vec3();
-    probe(scene, from, dir, n, on(row, RenderOptions { seed: 11, ..RenderOptions::default() }))
+    probe(scene, from, dir, n, on(row, RenderOptions::default().seed(11)))
 }
 
-/// (a) As it lies there: every vertex is a multiple of 1/8 m, the distance of neighbouring floats. (b) Through the loader, which
-/// moves a scene that lies this far away back by a vector that f32 holds exactly.
+/// (a) As it lies there: every vertex is a multiple of 1/8 m, the distance of neighbouring floats. (b) Through the
+/// loader, which moves a scene that lies this far away back by a vector that f32 holds exactly.
 #[test]
 fn g11_translate_by_two_to_the_twentieth() {
     let mut case = Case::open("G11", "translate by 2^20", "cancellation far from the origin");
@@ -194,7 +191,8 @@ fn recentred(scene: &Scene, by: DVec3) -> Scene {
     scene
 }
 
-/// P07 × 256 as a file: `vertices` is added to the positions, `node` to their node. The camera stands under the node too.
+/// P07 × 256 as a file: `vertices` is added to the positions, `node` to their node. The camera stands under the node
+/// too.
 fn as_gltf(vertices: DVec3, node: DVec3) -> Fixture {
     use serde_json::json;
     let scene = lamp_room();
@@ -209,7 +207,8 @@ fn as_gltf(vertices: DVec3, node: DVec3) -> Fixture {
     }
     let materials: Vec<_> = (scene.materials.iter())
         .map(|m| {
-            let pbr = json!({"baseColorFactor": [m.base_color.x, m.base_color.y, m.base_color.z, 1.0], "metallicFactor": 0.0});
+            let color = [m.base_color.x, m.base_color.y, m.base_color.z, 1.0];
+            let pbr = json!({"baseColorFactor": color, "metallicFactor": 0.0});
             json!({
                 "pbrMetallicRoughness": pbr, "emissiveFactor": m.emissive.to_array(),
                 "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}

@@ -1,11 +1,12 @@
-//! Cameras as measuring instruments (HARDCASES M03–M05, M07). A pixel of the product is plain radiance, so irradiance on a sensor (M03,
-//! M04) is not what a picture shows; what can be held to it is the aperture: the integral over the lens by the rays that it gives.
+//! Cameras as measuring instruments (HARDCASES M03–M05, M07). A pixel of the product is plain radiance, so irradiance
+//! on a sensor (M03, M04) is not what a picture shows; what can be held to it is the aperture: the integral over the
+//! lens by the rays that it gives.
 
 use std::f64::consts::PI;
 
 use glam::{Affine3A, DVec2, DVec3, Vec3};
 use pathspace::camera::{CameraRays, Lens};
-use pathspace::plan::options::{Crop, RenderOptions, SamplerKind};
+use pathspace::plan::options::{Crop, SamplerKind};
 use pathspace::sampler::{Scheme, SobolScheme};
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{Camera, Projection, Scene};
@@ -26,8 +27,8 @@ fn fifty_mm(n: f64) -> CameraRays {
     CameraRays::new(&perspective(0.5), (64, 64), Some(lens)).expect("a valid camera")
 }
 
-/// Irradiance over radiance at a sensor point `offset` m beside the axis and 50 mm behind the lens: ∫ cos⁴/f² over the aperture, by
-/// the origins of the camera's rays, which are uniform over it.
+/// Irradiance over radiance at a sensor point `offset` m beside the axis and 50 mm behind the lens: ∫ cos⁴/f² over
+/// the aperture, by the origins of the camera's rays, which are uniform over it.
 fn irradiance(n: f64, offset: f64, seed: u64) -> Moments {
     let (rays, area) = (fifty_mm(n), PI * (0.025 / n).powi(2));
     let mut rng = Pcg32::new(seed, 3);
@@ -68,7 +69,7 @@ fn m03_exposure_against_f_number() {
     for mode in Mode::all() {
         for n in [2.0, 16.0] {
             let lens = Some(Lens { radius_m: 0.025 / n, focus_m: 2.0 });
-            let film = render(&scene, mode.options(RenderOptions { lens, ..options(8, 8, 4) })).film;
+            let film = render(&scene, mode.options(options(8, 8, 4).lens(lens))).film;
             let pixels = film.pixels.iter().map(|p| (1.0, p.mean()[1], 0.5_f64.powi(20)));
             case.numbers(format!("{}, f/{n}, radiance 1 is shown as 1", mode.name), pixels);
         }
@@ -89,8 +90,8 @@ fn m04_off_axis_falloff() {
     case.close();
 }
 
-/// Film position, pixels from the middle, at which a point at distance `o` on the axis is seen through one point of the lens: the film
-/// maps linearly to the plane of the point.
+/// Film position, pixels from the middle, at which a point at distance `o` on the axis is seen through one point of the
+/// lens: the film maps linearly to the plane of the point.
 fn seen_at(rays: &CameraRays, middle: f32, o: f64, lens_uv: [f32; 2]) -> DVec2 {
     let hit = |x: f32, y: f32| {
         let (origin, dir) = rays.lens_ray(middle + x, middle + y, lens_uv);
@@ -103,8 +104,8 @@ fn seen_at(rays: &CameraRays, middle: f32, o: f64, lens_uv: [f32; 2]) -> DVec2 {
     DVec2::new(-p.x / (px.x - p.x), -p.y / (py.y - p.y)) * f64::from(step)
 }
 
-/// f = 50 mm at f/2 focused at 2 m, on 24 mm of film. A point is as small as the specification's emitter; what the pixels show of a larger
-/// one through the lens has the same sum as without, which the renders are held to.
+/// f = 50 mm at f/2 focused at 2 m, on 24 mm of film. A point is as small as the specification's emitter; what the
+/// pixels show of a larger one through the lens has the same sum as without, which the renders are held to.
 #[test]
 fn m05_circle_of_confusion() {
     let mut case = Case::open("M05", "Circle of confusion", "defocus geometry");
@@ -156,9 +157,7 @@ fn m05_circle_of_confusion() {
         for mode in Mode::all() {
             let (side, delta) = mode.count((1024, 7e-2), (256, 2.8e-1));
             let sampler = SamplerKind::Independent;
-            let film =
-                render(&scene, mode.options(RenderOptions { lens: Some(lens), sampler, ..options(side, side, 1) }))
-                    .film;
+            let film = render(&scene, mode.options(options(side, side, 1).lens(lens).sampler(sampler))).film;
             let energy = Estimate::of(film.pixels.iter().map(|p| [p.mean()[0], p.mean()[1], p.mean()[2]]));
             case.mean(format!("{}, total at {o} m", mode.name), [covered; 3], 0.0, delta, &energy);
         }
@@ -176,9 +175,9 @@ fn square_in_view(middle: DVec3, across: DVec3) -> Scene {
     b.build()
 }
 
-/// By 2²⁰ Sobol' points through the camera's rays, which know such an area to about 1e-5 (the limit is ten of those; half a pixel's shift of
-/// the square at the border would be 2e-3); and by renders. The image never stretches, so that there are no anamorphic pixels: a
-/// wider image shows more at the sides.
+/// By 2²⁰ Sobol' points through the camera's rays, which know such an area to about 1e-5 (the limit is ten of those;
+/// half a pixel's shift of the square at the border would be 2e-3); and by renders. The image never stretches, so that
+/// there are no anamorphic pixels: a wider image shows more at the sides.
 #[test]
 fn m07_projected_area() {
     let mut case = Case::open("M07", "Projected area", "camera mapping, pixel coverage");
@@ -214,7 +213,7 @@ fn m07_projected_area() {
                     continue;
                 }
                 let sampler = SamplerKind::Independent;
-                let film = render(&scene, mode.options(RenderOptions { sampler, ..options(width, height, 16) })).film;
+                let film = render(&scene, mode.options(options(width, height, 16).sampler(sampler))).film;
                 // Every sample is a Bernoulli one within its pixel; stratified over pixels, so less than p(1−p)/n.
                 let n = f64::from(width * height) * 16.0;
                 let p = covered / shape;
@@ -224,7 +223,7 @@ fn m07_projected_area() {
                 // A window shows the pixels of the whole, wherever it lies.
                 let crops = [(0, 0), (9, 5), (31, 29)].map(|(x, y)| Crop { x, y, width: 32, height: 32 });
                 let moved = crops.into_iter().map(|crop| {
-                    let options = RenderOptions { sampler, crop: Some(crop), ..options(width, height, 16) };
+                    let options = options(width, height, 16).sampler(sampler).crop(crop);
                     let part = render(&scene, mode.options(options)).film;
                     let same = |i: u32| part.pixel(i % 32, i / 32) == film.pixel(crop.x + i % 32, crop.y + i / 32);
                     (0..32 * 32).filter(|&i| !same(i)).count()

@@ -24,7 +24,7 @@ const MILLION: u32 = 1_000_000;
 
 fn point_light(position: Vec3, intensity: f32) -> PunctualLight {
     let (name, direction, intensity) = ("lamp".into(), Vec3::ZERO, Vec3::splat(intensity));
-    PunctualLight { name, position, direction, intensity, kind: PunctualKind::Point }
+    PunctualLight { name, position, direction, intensity, kind: PunctualKind::Point, range_m: f32::INFINITY }
 }
 
 /// Weight `i` of `n`: 10^-6 to 10^6.
@@ -92,8 +92,8 @@ fn l12_a_million_lights() {
         let p_value = format!("{:.2e}", test.p_value);
         case.row(format!("- ({order}: {draws} draws)"), "p > 1e-6", p_value, "-", test.p_value > 1e-6);
 
-        // The table that lights at infinity are drawn from says exactly what it does: every number that it can be given is
-        // tried.
+        // The table that lights at infinity are drawn from says exactly what it does: every number that it can be given
+        // is tried.
         const STEPS: u32 = 1 << 24;
         let table = AliasTable::new(&weights).expect("valid weights");
         let mut drawn = vec![0u32; weights.len()];
@@ -124,7 +124,7 @@ fn l12_a_million_lights() {
         let n = if mode.is_main() { 1 << 18 } else { 1 << 14 };
         let receiver = Receiver::new(ORIGIN, UP, &add);
         let mut means = Means::default();
-        let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 12));
+        let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, 12));
         means.add("10⁴ lamps", expected, 1e-5 * expected, delta(n), estimate);
         means.judge(&mut case, &mode.name);
     }
@@ -184,7 +184,7 @@ fn l23_no_light() {
         // The lamp faces along -y. Only it is ever chosen, so that not even the random numbers differ.
         let values = [&alone as &dyn Fn(&mut SceneBuilder), &among].map(|lights| {
             let receiver = Receiver::new(Vec3::new(0.0, -0.5, 0.0), Vec3::new(0.0, 0.6, 0.8), lights);
-            receiver.irradiance(n, with(&mode, Strategy::LightOnly, 23)).mean[0]
+            receiver.irradiance(n, with(&mode, Strategy::LIGHT, 23)).mean[0]
         });
         case.number(format!("{} (one of 1000)", mode.name), values[0], values[1], 1e-12);
     }

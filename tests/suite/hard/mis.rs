@@ -1,10 +1,10 @@
-//! Combining light sampling and BSDF sampling: the weights by themselves, the variance that each way must have, blockers,
-//! mirrors, and lights that only one of the two can find.
+//! Combining light sampling and BSDF sampling: the weights by themselves, the variance that each way must have,
+//! blockers, mirrors, and lights that only one of the two can find.
 
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use pathspace::plan::options::{RenderOptions, Strategy};
+use pathspace::plan::options::Strategy;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::Geometry;
 use pathspace::scene::{Environment, Material, PunctualKind, PunctualLight, Scene};
@@ -72,12 +72,13 @@ fn l15_weights() {
 fn l16_known_variances() {
     let mut case =
         Case::open("L16", "three estimators, one value, known variances (fan of 1024)", "each estimator by itself");
-    // Reflected radiance of a receiver of albedo ½. Sampling by uniform hemisphere or by solid angle does not exist here.
+    // Reflected radiance of a receiver of albedo ½. Sampling by uniform hemisphere or by solid angle does not exist
+    // here.
     let exact = [
-        (Strategy::BsdfOnly, 0.0625),
-        (Strategy::LightOnly, 1.0 / 96.0),
-        (Strategy::MisBalance, 0.01073829037),
-        (Strategy::MisPower, 0.008048958126),
+        (Strategy::BSDF, 0.0625),
+        (Strategy::LIGHT, 1.0 / 96.0),
+        (Strategy::MIS_BALANCE, 0.01073829037),
+        (Strategy::MIS, 0.008048958126),
     ];
     for mode in Mode::all() {
         // Films of 2^18 pixels, four of them where the count is full: a quarter of the specification's.
@@ -97,7 +98,7 @@ fn l16_known_variances() {
             let tau = 0.25 * FAN_DEFICIT + 1e-6;
             // The band of the known variance, and a tenth for its estimate.
             let band = 1.1 * 4.9 * (variance / n).sqrt() / 0.25;
-            means.add(format!("{strategy:?}"), 0.25, tau, band, Estimate::of_moments(found));
+            means.add(format!("{strategy}"), 0.25, tau, band, Estimate::of_moments(found));
             let spread = 4.9 * ((found.excess_kurtosis() + 2.0) / n).sqrt() + FAN_DEFICIT;
             variances.push((*variance, found.variance(), if mode.is_main() { spread.min(0.01) } else { spread }));
         }
@@ -160,10 +161,10 @@ fn l18_partly_occluded() {
         for (what, lights, expected) in variants {
             for strategy in STRATEGIES {
                 // Half of the light samples are blocked.
-                let more = if strategy == Strategy::BsdfOnly { 1 } else { 2 };
+                let more = if strategy == Strategy::BSDF { 1 } else { 2 };
                 let estimate = Receiver::new(ORIGIN, UP, lights).irradiance(more * n, with(&mode, strategy, 18));
                 let band = delta_of(strategy, expected, n);
-                means.add(format!("{what}, {strategy:?}"), expected, 1e-5 * expected, band, estimate);
+                means.add(format!("{what}, {strategy}"), expected, 1e-5 * expected, band, estimate);
             }
         }
         means.judge(&mut case, &mode.name);
@@ -188,8 +189,9 @@ fn l19_caustic() {
         // Eight films, since few paths find the lamp by way of the mirror.
         let (pixels, spp) = if mode.is_main() { (1u32 << 14, 512) } else { (1 << 12, 16) };
         let n = u64::from(pixels) * spp;
-        let options = RenderOptions { max_depth: 3, per_length: true, ..with(&mode, Strategy::MisPower, 19) }.spp(spp);
-        let lengths = probe_film(&scene, receiver.eye(), -UP, pixels, options).lengths.expect("asked for");
+        let options = with(&mode, Strategy::MIS, 19).max_depth(3).per_length(true).spp(spp);
+        let film = probe_film(&scene, receiver.eye(), -UP, pixels, options).film;
+        let lengths = film.path_lengths().expect("asked for");
         let of = |edge: usize| Estimate::of(lengths.image(edge).into_iter()).scaled(PI / 0.5);
         let mut means = Means::default();
         means.add("direct", 0.566645112, 1e-5 * 0.57, delta(n), of(2));
@@ -210,6 +212,7 @@ fn lamp() -> PunctualLight {
         direction: -UP,
         intensity: Vec3::ONE,
         kind: PunctualKind::Point,
+        range_m: f32::INFINITY,
     }
 }
 
@@ -263,7 +266,8 @@ fn l21_delta_lights() {
     means.add("four kinds", 1.740839503 + 0.25 + 1.0 + PI, 6e-5, 5e-3, all);
     means.judge(&mut case, "-");
 
-    // Under walls of radiance 1, which BSDF sampling finds. They would block a light at infinity: a sky stands for them there.
+    // Under walls of radiance 1, which BSDF sampling finds. They would block a light at infinity: a sky stands for them
+    // there.
     let walls = |b: &mut SceneBuilder, light: &PunctualLight| {
         if light.kind == PunctualKind::Directional {
             b.environment(Environment::constant(Vec3::ONE));
@@ -281,24 +285,18 @@ fn l21_delta_lights() {
             let add = |b: &mut SceneBuilder| {
                 drop(b.punctual(light.position, light.direction, light.intensity, light.kind).clone())
             };
-            let alone = Receiver::new(at, UP, &add).irradiance(256, with(&mode, Strategy::MisPower, 21));
+            let alone = Receiver::new(at, UP, &add).irradiance(256, with(&mode, Strategy::MIS, 21));
             exact.push((expected, alone.mean[0], bound));
             let both = |b: &mut SceneBuilder| {
                 add(b);
                 walls(b, &light);
             };
-            for strategy in [Strategy::LightOnly, Strategy::MisPower] {
+            for strategy in [Strategy::LIGHT, Strategy::MIS] {
                 let estimate = Receiver::new(at, UP, &both).irradiance(n, with(&mode, strategy, 22));
                 let expected = PI + expected;
                 // Most light samples of a room all around are below the horizon.
-                let band = delta(n) * if strategy == Strategy::LightOnly { 2.0 } else { 1.0 };
-                means.add(
-                    format!("{:?} and walls, {strategy:?}", light.kind),
-                    expected,
-                    1e-5 * expected,
-                    band,
-                    estimate,
-                );
+                let band = delta(n) * if strategy == Strategy::LIGHT { 2.0 } else { 1.0 };
+                means.add(format!("{:?} and walls, {strategy}", light.kind), expected, 1e-5 * expected, band, estimate);
             }
         }
         case.numbers(format!("{} (alone)", mode.name), exact);

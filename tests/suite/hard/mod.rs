@@ -1,9 +1,9 @@
-//! The hard cases: numerical traps with known answers, one test a case, one file a theme. Each case opens a [`Case`], adds a row
-//! for each backend or variant that it runs on, and closes it; a row says what was expected, what came out, and how far apart
-//! they are. `make hard` prints all rows as one table and writes it to `tests/HARD.md`.
+//! The hard cases: numerical traps with known answers, one test a case, one file a theme. Each case opens a [`Case`],
+//! adds a row for each backend or variant that it runs on, and closes it; a row says what was expected, what came out,
+//! and how far apart they are. `make hard` prints all rows as one table and writes it to `tests/HARD.md`.
 //!
-//! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic numbers
-//! within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
+//! Limits: means within 4.9 standard errors (two-sided 10⁻⁶) and able to see a bias of a stated size; deterministic
+//! numbers within a stated bound; counts and bits exactly. Seeds are fixed: a verdict never flakes.
 
 mod accumulation;
 mod alpha;
@@ -139,8 +139,8 @@ impl Case {
         self.number(format!("{on}, worst of {}", pairs.len()), worst.0, worst.1, worst.2);
     }
 
-    /// T1: a mean within 4.9 standard errors plus `tau` of `expected`, in each channel, and able to see a relative bias of
-    /// `delta`. The worst channel stands for all.
+    /// T1: a mean within 4.9 standard errors plus `tau` of `expected`, in each channel, and able to see a relative bias
+    /// of `delta`. The worst channel stands for all.
     pub fn mean(&mut self, on: impl Display, expected: [f64; 3], tau: f64, delta: f64, estimate: &Estimate) {
         let z = |c: usize| {
             let excess = ((estimate.mean[c] - expected[c]).abs() - tau).max(0.0);

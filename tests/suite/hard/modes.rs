@@ -1,4 +1,5 @@
-//! Where traced cases run: every backend and query mode of this build. And pictures whose pixels are known, with their noise.
+//! Where traced cases run: every backend and query mode of this build. And pictures whose pixels are known, with their
+//! noise.
 
 use pathspace::backend::{BackendKind, QueryMode};
 use pathspace::plan::options::RenderOptions;
@@ -9,8 +10,8 @@ use super::Case;
 /// One way to trace rays.
 #[derive(Clone)]
 pub struct Mode {
-    /// As `embree/packet16`; backends that know one way only go by their own name; `auto` is what a render takes by itself:
-    /// `flat` for scenes of few faces, else the first of the others.
+    /// As `embree/packet16`; backends that know one way only go by their own name; `auto` is what a render takes by
+    /// itself: `flat` for scenes of few faces, else the first of the others.
     pub name: String,
     backend: Option<BackendKind>,
     rays: Option<QueryMode>,
@@ -20,18 +21,15 @@ impl Mode {
     /// All of this build.
     pub fn all() -> Vec<Mode> {
         let of = |&backend: &BackendKind| {
-            let modes: &[QueryMode] = match backend {
-                BackendKind::Embree => &QueryMode::ALL,
-                _ => &[QueryMode::Packet16],
+            let modes = match backend {
+                BackendKind::Embree => QueryMode::ALL.map(Some).to_vec(),
+                _ => vec![None],
             };
-            let name = move |rays: QueryMode| match backend {
-                BackendKind::Embree => format!("{}/{rays}", backend.name()),
-                _ => backend.name().into(),
+            let name = move |rays: Option<QueryMode>| match rays {
+                Some(rays) => format!("{}/{rays}", backend.name()),
+                None => backend.name().into(),
             };
-            modes
-                .iter()
-                .map(move |&rays| Mode { name: name(rays), backend: Some(backend), rays: Some(rays) })
-                .collect::<Vec<_>>()
+            modes.into_iter().map(move |rays| Mode { name: name(rays), backend: Some(backend), rays })
         };
         let auto = Mode { name: "auto".into(), backend: None, rays: None };
         BackendKind::available().iter().flat_map(of).chain([auto]).collect()
@@ -39,7 +37,7 @@ impl Mode {
 
     /// Whether this is what most scenes are rendered with by default: it gets the full number of samples.
     pub fn is_main(&self) -> bool {
-        self.backend == Some(BackendKind::available()[0]) && self.rays == Some(QueryMode::Packet16)
+        self.backend == Some(BackendKind::available()[0]) && self.rays.is_none_or(|rays| rays == QueryMode::Packet16)
     }
 
     /// Whether every ray meets every triangle: for small scenes only.
@@ -54,7 +52,7 @@ impl Mode {
 
     /// `options` on this backend and in this mode.
     pub fn options(&self, options: RenderOptions) -> RenderOptions {
-        RenderOptions { backend: self.backend, rays: self.rays, ..options }
+        options.backend(self.backend).rays(self.rays)
     }
 }
 
@@ -62,8 +60,8 @@ impl Mode {
 pub type Known = (f64, f64, f64);
 
 impl Case {
-    /// T2: many means at once. The largest |z| below its Bonferroni limit (family 1e-4), the sum of z² below the upper 1e-6
-    /// point of chi-square, and the p-values uniform (Kolmogorov–Smirnov, above 1e-6).
+    /// T2: many means at once. The largest |z| below its Bonferroni limit (family 1e-4), the sum of z² below the upper
+    /// 1e-6 point of chi-square, and the p-values uniform (Kolmogorov–Smirnov, above 1e-6).
     pub fn picture(&mut self, on: impl std::fmt::Display, pixels: impl IntoIterator<Item = Known>) {
         let z: Vec<f64> = pixels.into_iter().map(|(got, expected, error)| (got - expected) / error).collect();
         let largest = z.iter().fold(0.0, |a: f64, z| if z.abs() <= a { a } else { z.abs() });

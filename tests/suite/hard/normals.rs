@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use pathspace::math::frame::Frame;
-use pathspace::plan::options::{FilterKind, RenderOptions, Roulette, Strategy};
+use pathspace::plan::options::{FilterKind, Roulette, Strategy};
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{
     ColorSpace, Environment, MaterialId, Mesh, Projection, PunctualKind, Texture, TextureId, TextureSlot, Wrap,
@@ -62,8 +62,8 @@ fn b16_shading_normals_below_the_horizon() {
                     };
                     let dark = render(&scene(false), mode.options(options(8, 8, 16))).film;
                     lit += dark.pixels.iter().filter(|p| p.mean()[..3] != [0.0; 3]).count();
-                    let (strategy, roulette) = (Strategy::BsdfOnly, Roulette::Off);
-                    let options = RenderOptions { strategy, roulette, ..options(8, 8, 16) };
+                    let (strategy, roulette) = (Strategy::BSDF, Roulette::Off);
+                    let options = options(8, 8, 16).strategy(strategy).roulette(roulette);
                     let white = render(&scene(true), mode.options(options)).film;
                     for p in &white.pixels {
                         let value = p.mean()[1];
@@ -79,7 +79,8 @@ fn b16_shading_normals_below_the_horizon() {
             case.row(on, "≤ 1 + 1e-5", got, format!("{:.1e}", most - 1.0), most <= 1.0 + 1e-5);
         }
 
-        // (c) The sphere of G01 with n = 6. There is no treatment of the terminator: facets turned away from the sun are black.
+        // (c) The sphere of G01 with n = 6. There is no treatment of the terminator: facets turned away from the sun
+        // are black.
         let sun = Vec3::new(1.0, 0.4, 0.3).normalize();
         let mut b = SceneBuilder::new();
         let white = b.lambert(Vec3::ONE);
@@ -88,7 +89,7 @@ fn b16_shading_normals_below_the_horizon() {
         let view = Projection::Orthographic { xmag_m: 1.0, ymag_m: 1.0 };
         b.any_camera(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, Vec3::Y, view);
         let scene = b.build();
-        let options = RenderOptions { filter: FilterKind::Point, max_depth: 2, ..options(64, 64, 1) };
+        let options = options(64, 64, 1).filter(FilterKind::Point).max_depth(2);
         let film = render(&scene, mode.options(options)).film;
         let (mut away, mut wrong) = (0, 0);
         for (i, pixel) in film.pixels.iter().enumerate() {
@@ -177,8 +178,8 @@ fn b17_degenerate_normal_maps() {
                 scene
             };
             let done = |map| {
-                let (strategy, roulette) = (Strategy::BsdfOnly, Roulette::Off);
-                render(&scene(map), mode.options(RenderOptions { strategy, roulette, ..options(8, 8, 16) }))
+                let (strategy, roulette) = (Strategy::BSDF, Roulette::Off);
+                render(&scene(map), mode.options(options(8, 8, 16).strategy(strategy).roulette(roulette)))
             };
             let (plain, mapped) = (done(None), done(Some(texel)));
             lost += mapped.counters.nonfinite + mapped.counters.invalid_rays;

@@ -1,5 +1,5 @@
-//! The irradiance meter of the light cases: a small Lambert patch of albedo ½ under some lights, looked at from close by;
-//! what it reflects times π/ρ is the irradiance. And many means that share a row of the table.
+//! The irradiance meter of the light cases: a small Lambert patch of albedo ½ under some lights, looked at from close
+//! by; what it reflects times π/ρ is the irradiance. And many means that share a row of the table.
 
 use std::f64::consts::PI;
 use std::fmt::Display;
@@ -19,7 +19,7 @@ use crate::common::{Estimate, probe, probe_film, render};
 const RHO: f32 = 0.5;
 
 /// The three estimators that have to agree.
-pub const STRATEGIES: [Strategy; 3] = [Strategy::BsdfOnly, Strategy::LightOnly, Strategy::MisPower];
+pub const STRATEGIES: [Strategy; 3] = [Strategy::BSDF, Strategy::LIGHT, Strategy::MIS];
 
 /// A receiver under what `lights` adds to the scene.
 pub struct Receiver<'a> {
@@ -55,13 +55,13 @@ impl<'a> Receiver<'a> {
 
     /// The irradiance, W/m², from `n` samples of paths of two edges.
     pub fn irradiance(&self, n: u64, options: RenderOptions) -> Estimate {
-        let (pixels, options) = spread(n, RenderOptions { max_depth: 2, ..options });
+        let (pixels, options) = spread(n, options.max_depth(2));
         probe(&self.scene(), self.eye(), -self.normal, pixels, options).scaled(PI / f64::from(RHO))
     }
 
     /// A render of paths of two edges with a pixel a sample.
     pub fn render(&self, n: u32, options: RenderOptions) -> Render {
-        let options = RenderOptions { max_depth: 2, ..options }.spp(1);
+        let options = options.max_depth(2).spp(1);
         probe_film(&self.scene(), self.eye(), -self.normal, n, options)
     }
 
@@ -76,13 +76,7 @@ pub fn picture(scene: &Scene, n: u64, options: RenderOptions) -> Estimate {
     let side = (n / 4).min(1 << 14).isqrt();
     let options = options.spp(n / (side * side));
     let side = side as u32;
-    let film = RenderOptions {
-        width: side,
-        height: side,
-        filter: FilterKind::Box,
-        sampler: SamplerKind::Independent,
-        ..options
-    };
+    let film = options.size(side, side).filter(FilterKind::Box).sampler(SamplerKind::Independent);
     // Pixels differ in their means: each is its own stratum, and its halves tell its variance.
     let film = render(scene, film).film;
     let count = film.pixels.len() as f64;
@@ -106,8 +100,8 @@ pub fn delta(n: u64) -> f64 {
     5e-3 * ((1u64 << 20) as f64 / n as f64).sqrt()
 }
 
-/// The same of a sample that is 0 or 1/p, in pixels as [`spread`] has them: its deviation is known, and 4.9 standard errors of
-/// what the pixels make of it come on top.
+/// The same of a sample that is 0 or 1/p, in pixels as [`spread`] has them: its deviation is known, and 4.9 standard
+/// errors of what the pixels make of it come on top.
 pub fn bernoulli_delta(p: f64, n: u64) -> f64 {
     let odds = 1.0 / p - 1.0;
     let pixels = spread(n, RenderOptions::default()).0 as f64;
@@ -117,12 +111,12 @@ pub fn bernoulli_delta(p: f64, n: u64) -> f64 {
 
 /// [`delta`] for a strategy: BSDF sampling of a light of radiance 1 is a draw of E/π.
 pub fn delta_of(strategy: Strategy, irradiance: f64, n: u64) -> f64 {
-    if strategy == Strategy::BsdfOnly { bernoulli_delta(irradiance / PI, n) } else { delta(n) }
+    if strategy == Strategy::BSDF { bernoulli_delta(irradiance / PI, n) } else { delta(n) }
 }
 
 /// Default options of a strategy in a mode.
 pub fn with(mode: &Mode, strategy: Strategy, seed: u64) -> RenderOptions {
-    mode.options(RenderOptions { strategy, seed, ..RenderOptions::default() })
+    mode.options(RenderOptions::default().strategy(strategy).seed(seed))
 }
 
 /// Means that are judged alike; the worst of them makes the row.
@@ -172,8 +166,8 @@ impl Mean {
     }
 }
 
-/// Irradiance at `p` of a flat polygon of radiance 1 (Lambert 1760), above 0 where its front faces `p`. The part below the
-/// horizon of `n` is cut off.
+/// Irradiance at `p` of a flat polygon of radiance 1 (Lambert 1760), above 0 where its front faces `p`. The part below
+/// the horizon of `n` is cut off.
 pub fn polygon_irradiance(p: DVec3, n: DVec3, corners: &[DVec3]) -> f64 {
     let mut cut = Vec::with_capacity(corners.len() + 2);
     for (i, a) in corners.iter().enumerate() {

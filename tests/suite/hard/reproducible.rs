@@ -1,7 +1,7 @@
 //! Same input, same bits (HARDCASES R04, R05): over threads, tiles and windows, and when a render is cut into parts.
 
 use glam::Vec3;
-use pathspace::plan::options::{Crop, Lens, RenderOptions};
+use pathspace::plan::options::{Crop, Lens};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{Environment, Scene};
@@ -24,7 +24,8 @@ fn sunny() -> Scene {
     b.build()
 }
 
-/// 128 × 128 with 4 samples a pixel in the main mode. Tiles are 16 pixels wide, counted from the window's corner: windows at other corners cut the picture into other tiles.
+/// 128 × 128 with 4 samples a pixel in the main mode. Tiles are 16 pixels wide, counted from the window's corner:
+/// windows at other corners cut the picture into other tiles.
 #[test]
 fn r04_threads_and_tiles() {
     let mut case = Case::open("R04", "Bit identity over threads and tiles", "determinism");
@@ -41,7 +42,7 @@ fn r04_threads_and_tiles() {
         let (mut films, mut counts, mut windows) = (0, 0, 0);
         for (_, scene, lens) in &scenes {
             let run = |threads, crop| {
-                let options = RenderOptions { threads, crop, lens: *lens, ..options(side, side, spp) };
+                let options = options(side, side, spp).threads(threads).crop(crop).lens(*lens);
                 render(scene, mode.options(options))
             };
             let one = run(1, None);
@@ -65,17 +66,15 @@ fn r04_threads_and_tiles() {
     case.close();
 }
 
-/// A resumed render goes on with the sums that there are. Parts are merged by adding sums of f32 samples in f64, which loses no bit while
-/// they span less than 29 binary digits less those of the count; here and in most pictures they do.
+/// A resumed render goes on with the sums that there are. Parts are merged by adding sums of f32 samples in f64, which
+/// loses no bit while they span less than 29 binary digits less those of the count; here and in most pictures they do.
 #[test]
 fn r05_resume_and_split_runs() {
     let mut case = Case::open("R05", "Resume and split runs", "64 spp = 32 + 32");
     let scene = room();
     for mode in Mode::all() {
         let side = if mode.is_brute() { 6 } else { mode.count(32, 16) };
-        let run = |sample_start, spp| {
-            render(&scene, mode.options(RenderOptions { sample_start, ..options(side, side, spp) }))
-        };
+        let run = |sample_start, spp| render(&scene, mode.options(options(side, side, spp).sample_start(sample_start)));
         let whole = run(0, 64);
         // From a checkpoint.
         let options = mode.options(options(side, side, 64));
@@ -87,13 +86,13 @@ fn r05_resume_and_split_runs() {
         case.bits(format!("{}, resumed, counters", mode.name), usize::from(resumed.counters != whole.counters));
         // By two processes.
         let (mut first, second) = (run(0, 32), run(32, 32));
-        first.film.merge_tile(second.film.window, &second.film.pixels);
+        first.film.merge(&second.film).expect("the same picture");
         first.counters.merge(&second.counters);
         case.bits(format!("{}, merged, sums of both halves", mode.name), differing(&first.film));
         case.bits(format!("{}, merged, counters", mode.name), usize::from(first.counters != whole.counters));
     }
     // What cannot be gone on with is refused.
-    let targets = [options(8, 9, 4), RenderOptions { error: Some(0.1), ..options(8, 8, 4) }];
+    let targets = [options(8, 9, 4), options(8, 8, 4).error(0.1)];
     let taken = targets.into_iter().filter(|target| {
         let earlier = render(&scene, options(8, 8, 2));
         Renderer::new(&scene, target.clone()).expect("valid options").resume(earlier).is_ok()

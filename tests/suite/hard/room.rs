@@ -1,10 +1,10 @@
-//! A room of six Lambert walls with a square lamp in its ceiling, bounce by bounce against the published solution of another
-//! solver (HARDCASES §4.3: rectangles, closed-form factors, extrapolated to 10⁻⁷).
+//! A room of six Lambert walls with a square lamp in its ceiling, bounce by bounce against the published solution of
+//! another solver (HARDCASES §4.3: rectangles, closed-form factors, extrapolated to 10⁻⁷).
 
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use pathspace::plan::options::{CameraChoice, FilterKind, RenderOptions, Roulette, SamplerKind, Strategy};
+use pathspace::plan::options::{CameraChoice, FilterKind, Roulette, SamplerKind, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{Projection, Scene};
@@ -36,8 +36,8 @@ pub fn lamp_room() -> Scene {
     b.build()
 }
 
-/// Faces of [`lamp_room`] in the order of [`FACES`], by the direction in which they are seen: x = 0, x = 1, y = 0, floor, ceiling
-/// (y = 1 is as y = 0).
+/// Faces of [`lamp_room`] in the order of [`FACES`], by the direction in which they are seen: x = 0, x = 1, y = 0,
+/// floor, ceiling (y = 1 is as y = 0).
 const SEEN: [Vec3; 5] = [Vec3::NEG_X, Vec3::X, Vec3::NEG_Y, Vec3::NEG_Z, Vec3::Z];
 /// Their albedo, and how many there are of the kind.
 const ALBEDO: [(f64, f64); 5] = [(0.2, 1.0), (0.8, 1.0), (0.5, 2.0), (0.5, 1.0), (0.5, 1.0)];
@@ -78,8 +78,8 @@ const POINT_TERMS: [[f64; 6]; 8] = [
 ];
 const POINTS_TOTAL: [f64; 6] = [0.056927479, 0.036553556, 0.08727395, 0.024141697, 0.016967786, 0.05896276];
 
-/// Bias that the mean of `n` samples of term `k` can see: without roulette, a term of k scatterings has a relative deviation
-/// of about 1.3·1.2ᵏ.
+/// Bias that the mean of `n` samples of term `k` can see: without roulette, a term of k scatterings has a relative
+/// deviation of about 1.3·1.2ᵏ.
 fn term_delta(k: usize, n: u64) -> f64 {
     4.9 * 1.6 * 1.2f64.powi(k as i32) / (n as f64).sqrt()
 }
@@ -104,25 +104,26 @@ fn p07_room_by_bounces() {
         let n = u64::from(side * side) * spp;
         // Terms without roulette, so that the late ones are as well known as the first; totals with it.
         let at = |camera: usize, spp: u64, roulette: Roulette| {
-            mode.options(RenderOptions {
-                roulette,
-                max_depth: if roulette == Roulette::Off { 9 } else { 64 },
-                camera: CameraChoice::Index(camera),
-                sampler: SamplerKind::Independent,
-                filter: FilterKind::Box,
-                strategy: Strategy::MisPower,
-                per_length: true,
-                ..options(side, side, spp)
-            })
+            mode.options(
+                options(side, side, spp)
+                    .roulette(roulette)
+                    .max_depth(if roulette == Roulette::Off { 9 } else { 64 })
+                    .camera(CameraChoice::Index(camera))
+                    .sampler(SamplerKind::Independent)
+                    .filter(FilterKind::Box)
+                    .strategy(Strategy::MIS)
+                    .per_length(true),
+            )
         };
         let mut renderer = Renderer::new(&scene, at(1, 1, Roulette::On)).expect("valid options");
         let mut run = |camera: usize, spp: u64, roulette: Roulette, seed: u64| {
-            renderer.retarget(&RenderOptions { seed, ..at(camera, spp, roulette) }).expect("valid options");
+            renderer.retarget(&at(camera, spp, roulette).seed(seed)).expect("valid options");
             renderer.render().expect("renders")
         };
         let mut points = Means::default();
         for i in 0..POINTS.len() {
-            let lengths = run(1 + i, spp, Roulette::Off, i as u64).lengths.expect("asked for");
+            let film = run(1 + i, spp, Roulette::Off, i as u64).film;
+            let lengths = film.path_lengths().expect("asked for");
             for (k, terms) in POINT_TERMS.iter().enumerate().filter(|(_, terms)| terms[i] > 0.0) {
                 let estimate = Estimate::of(lengths.image(k + 2).into_iter());
                 points.add(
@@ -143,7 +144,7 @@ fn p07_room_by_bounces() {
             let mut pair =
                 |roulette| [200, 300].map(|seed| run(1 + POINTS.len() + face, spp, roulette, seed + face as u64));
             let (fixed, whole) = (pair(Roulette::Off), pair(Roulette::On));
-            let lengths = fixed.each_ref().map(|render| render.lengths.as_ref().expect("asked for"));
+            let lengths = fixed.each_ref().map(|render| render.film.path_lengths().expect("asked for"));
             let term = |edge: usize| two_runs(lengths.map(|lengths| lengths.image(edge)));
             for (k, terms) in FACES.iter().enumerate().filter(|(_, terms)| terms[face] > 0.0) {
                 let band = term_delta(k + 1, 2 * n);
@@ -151,7 +152,7 @@ fn p07_room_by_bounces() {
             }
             let films = whole.each_ref().map(|render| {
                 // Emission is seen directly on the ceiling, and is not reflected light.
-                let direct = render.lengths.as_ref().expect("asked for").image(1);
+                let direct = render.film.path_lengths().expect("asked for").image(1);
                 let pixels = render.film.pixels.iter().zip(direct);
                 pixels
                     .map(|(pixel, direct)| std::array::from_fn(|c| pixel.mean()[c] - direct[c]))
@@ -193,14 +194,15 @@ fn p12_bound_on_truncation() {
     let scene = lamp_room();
     // Rigorous: ρ^(M+1) Le/(1-ρ) with the largest albedo, as the plan states it.
     let stated = [1u32, 2, 4, 8, 16].map(|scatterings| {
-        let options = RenderOptions { max_depth: scatterings + 1, ..options(8, 8, 1) };
+        let options = options(8, 8, 1).max_depth(scatterings + 1);
         let renderer = Renderer::new(&scene, options).expect("valid options");
         let found = renderer.plan().bias[0].radiance_removed_at_most.expect("bounded");
         (f64::from(0.8f32).powi(scatterings as i32 + 1) / (1.0 - f64::from(0.8f32)), found, 1e-6)
     });
     case.numbers("- (bound that the plan states)", stated);
 
-    // Sharp, by the solver: the late ratio of terms, what a limit removes from the floor, and the tail that the ratio predicts.
+    // Sharp, by the solver: the late ratio of terms, what a limit removes from the floor, and the tail that the ratio
+    // predicts.
     let floor = floor_terms(&scene);
     let total: f64 = floor.iter().sum();
     let observed = [(1, -0.39599), (2, -0.218336), (4, -0.0522928), (8, -0.00315602), (16, -1.16573e-05)];
@@ -221,12 +223,10 @@ fn p12_bound_on_truncation() {
     for mode in Mode::all() {
         let side = if mode.is_main() { 256 } else { 64 };
         let sampler = SamplerKind::Independent;
-        let render = crate::common::render(
-            &scene,
-            mode.options(RenderOptions { per_length: true, sampler, ..options(side, side, 16) }),
-        );
+        let render =
+            crate::common::render(&scene, mode.options(options(side, side, 16).per_length(true).sampler(sampler)));
         // Term 4, and the tail that it predicts by the late ratio.
-        let term = Estimate::of(render.lengths.expect("asked for").image(5).into_iter());
+        let term = Estimate::of(render.film.path_lengths().expect("asked for").image(5).into_iter());
         let mut means = Means::default();
         means.add("tail from term 4", left, 0.05 * left, 0.5, term.scaled(0.4965469 / (1.0 - 0.4965469)));
         means.judge(&mut case, &mode.name);
@@ -238,7 +238,8 @@ fn p12_bound_on_truncation() {
 fn floor_terms(scene: &Scene) -> Vec<f64> {
     let geometry = pathspace::scene::geometry::Geometry::build(scene);
     let kind = pathspace::backend::BackendKind::available()[0];
-    let backend = pathspace::backend::build(kind, &geometry, &Default::default()).expect("a backend of this build");
+    let backend =
+        pathspace::backend::select::build(kind, &geometry, &Default::default()).expect("a backend of this build");
     let solution = pathspace::verify::solve(scene, backend.as_ref(), 600, 3).expect("a diffuse scene");
     let of = |term: &[[f64; 3]]| {
         let floor = solution.patches.iter().zip(term.chunks_exact(6)).filter(|(patch, _)| patch.normal.z > 0.5);

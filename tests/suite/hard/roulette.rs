@@ -1,5 +1,5 @@
-//! Ending paths: the variance that constant survival must have, thousands of bounces, albedo 1, throughput that leaves f32, and
-//! the same picture with and without roulette.
+//! Ending paths: the variance that constant survival must have, thousands of bounces, albedo 1, throughput that leaves
+//! f32, and the same picture with and without roulette.
 
 use glam::Vec3;
 use pathspace::plan::options::{RenderOptions, Roulette, SamplerKind, Strategy};
@@ -18,14 +18,14 @@ use crate::common::{Estimate, options, render};
 
 /// BSDF sampling in a furnace, a pixel a sample.
 fn paths(mode: &Mode, side: u32, roulette: Roulette, seed: u64) -> RenderOptions {
-    mode.options(RenderOptions {
-        strategy: Strategy::BsdfOnly,
-        sampler: SamplerKind::Independent,
-        max_depth: 1 << 16,
-        roulette,
-        seed,
-        ..options(side, side, 1)
-    })
+    mode.options(
+        options(side, side, 1)
+            .strategy(Strategy::BSDF)
+            .sampler(SamplerKind::Independent)
+            .max_depth(1 << 16)
+            .roulette(roulette)
+            .seed(seed),
+    )
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn p09_long_paths() {
         let band = 1.1 * 4.9 * (999_000.0 / n).sqrt() / 1000.0;
         means.add("ρ = q = 0.999", 1000.0, 0.1, band.max(0.014), Estimate::of_pixels(&film));
         means.judge(&mut case, &mode.name);
-        let limited = RenderOptions { max_depth: 1025, ..paths(&mode, 8, Roulette::Off, 9) };
+        let limited = paths(&mode, 8, Roulette::Off, 9).max_depth(1025);
         let bound = 2f64.powi(-20) + 1025.0 * 2f64.powi(-24);
         let rho = f64::from(0.999f32);
         let expected = (1.0 - rho.powi(1025)) / (1.0 - rho);
@@ -127,8 +127,7 @@ fn p09_long_paths() {
         // (b), (c): nothing is absorbed, nothing emits.
         for (what, scene) in [("albedo 1", &white), ("mirrors", &mirrors)] {
             for roulette in [Roulette::Off, Roulette::On] {
-                let options =
-                    RenderOptions { strategy: Strategy::MisPower, max_depth: 1000, ..paths(&mode, 16, roulette, 9) };
+                let options = paths(&mode, 16, roulette, 9).strategy(Strategy::MIS).max_depth(1000);
                 let Render { film, counters, .. } = render(scene, options);
                 let on = |counted: &str| format!("{} ({what}, roulette {roulette:?}: {counted})", mode.name);
                 case.count(on("capped paths"), 256, counters.capped_paths);
@@ -146,7 +145,7 @@ fn p10_throughput_underflow() {
     let mut case = Case::open("P10", "throughput underflow", "range of products in f32");
     let scene = furnace(Shape::Cube, Vec3::splat(0.01));
     for mode in Mode::all() {
-        let options = RenderOptions { max_depth: 64, ..paths(&mode, 16, Roulette::Off, 10) };
+        let options = paths(&mode, 16, Roulette::Off, 10).max_depth(64);
         let Render { film, counters, .. } = render(&scene, options.clone());
         case.number(format!("{} (no roulette)", mode.name), 1.01010101, film.mean()[0], 2f64.powi(-20));
         // 0.01²³ is 0 in f32: the last vertex that a path reaches is the one before.
@@ -157,11 +156,12 @@ fn p10_throughput_underflow() {
             0,
             counters.nonfinite + counters.capped_paths,
         );
-        // Nothing that lies below the normal range counts: without it, as where it is flushed to 0, every bit is the same.
-        let short = render(&scene, RenderOptions { max_depth: 19, ..options.clone() }).film;
+        // Nothing that lies below the normal range counts: without it, as where it is flushed to 0, every bit is the
+        // same.
+        let short = render(&scene, options.clone().max_depth(19)).film;
         case.bits(format!("{} (without subnormal throughput)", mode.name), usize::from(short.hash() != film.hash()));
-        let rules = RenderOptions { roulette: Roulette::On, ..options.clone() };
-        let estimate = render(&scene, RenderOptions { width: 128, height: 128, ..rules });
+        let rules = options.clone().roulette(Roulette::On);
+        let estimate = render(&scene, rules.size(128, 128));
         let mut means = Means::default();
         means.add("roulette", 1.01010101, 1e-6, 5e-3, Estimate::of_pixels(&estimate.film));
         case.count(format!("{} (samples not finite, roulette)", mode.name), 0, estimate.counters.nonfinite);
@@ -211,14 +211,14 @@ fn p11_roulette_on_or_off() {
         for scene in [&lamp_room(), &caustic] {
             let at = |roulette, start, seed| {
                 let spp = if mode.is_main() { 4 } else { 1 };
-                mode.options(RenderOptions {
-                    roulette,
-                    roulette_start: start,
-                    max_depth: 24,
-                    seed,
-                    sampler: SamplerKind::Independent,
-                    ..options(64, 64, spp)
-                })
+                mode.options(
+                    options(64, 64, spp)
+                        .roulette(roulette)
+                        .roulette_start(start)
+                        .max_depth(24)
+                        .seed(seed)
+                        .sampler(SamplerKind::Independent),
+                )
             };
             let reference = blocks(scene, &at(Roulette::Off, 1, 1000));
             for (i, &(what, roulette, start)) in rules.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! Motion while the shutter is open (HARDCASES M06): what a pixel shows of a strip that moves past it, and that a shutter of no length
-//! is none. Oracle: the time for which a point of the film is covered.
+//! Motion while the shutter is open (HARDCASES M06): what a pixel shows of a strip that moves past it, and that a
+//! shutter of no length is none. Oracle: the time for which a point of the film is covered.
 
 use glam::{Affine3A, Vec3};
 use pathspace::film::Film;
 use pathspace::plan::Gate;
-use pathspace::plan::options::{RenderOptions, SamplerKind};
+use pathspace::plan::options::SamplerKind;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{Environment, LoadOptions, Projection, Scene, Shutter};
 use serde_json::json;
@@ -53,9 +53,9 @@ fn m06_shutter_and_linear_motion() {
     for mode in Mode::all() {
         let samples = mode.count(1 << 16, 1 << 13) / u64::from(HEIGHT);
         let sampler = SamplerKind::Independent;
-        let film = render(&scene, mode.options(RenderOptions { sampler, ..options(WIDTH, HEIGHT, samples) })).film;
-        // Rows are repetitions: a column has all samples of the specification. Its pixels are 0 or 1 at a time and a place, so the
-        // variance follows from the mean.
+        let film = render(&scene, mode.options(options(WIDTH, HEIGHT, samples).sampler(sampler))).film;
+        // Rows are repetitions: a column has all samples of the specification. Its pixels are 0 or 1 at a time and a
+        // place, so the variance follows from the mean.
         let column = |x: u32| (0..HEIGHT).map(|y| film.pixel(x, y).mean()[1]).sum::<f64>() / f64::from(HEIGHT);
         // Over a pixel the share is linear: no knee lies within one.
         let expected = |x: u32| covered(f64::from(x) + 0.5);
@@ -91,7 +91,7 @@ fn m06_shutter_and_linear_motion() {
     let moving = file(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], &[0.0, 1.0]).write(folder.path());
     let load = |shutter: Option<(f64, f64)>| {
         let shutter = shutter.map(|(open, close)| Shutter::new(open, close).expect("a shutter"));
-        let mut scene = Scene::load_with(&moving, &LoadOptions { shutter, ..LoadOptions::default() }).expect("loads");
+        let mut scene = Scene::load_with(&moving, &LoadOptions::default().shutter(shutter)).expect("loads");
         scene.environment = Some(Environment::constant(Vec3::ONE));
         scene
     };
@@ -99,7 +99,7 @@ fn m06_shutter_and_linear_motion() {
     let (still, moment, equal) = (load(None), load(Some((0.25, 0.25))), load(Some((1.0, 7.0))));
     for mode in Mode::all() {
         let film = |scene: &Scene, forced: &[Gate]| {
-            let options = RenderOptions { forced: forced.to_vec(), ..options(24, 24, 16) };
+            let options = options(24, 24, 16).forced(forced.to_vec());
             render(scene, mode.options(options)).film
         };
         let differing = |a: &Film, b: &Film| a.pixels.iter().zip(&b.pixels).filter(|(a, b)| a != b).count();

@@ -1,5 +1,5 @@
-//! Solid angles of lights. The renderer does not sample by them: it draws points by area and converts their density, so the
-//! solid angle is what 1/pdf adds up to over the light. It is summed by quadrature: no statistics.
+//! Solid angles of lights. The renderer does not sample by them: it draws points by area and converts their density, so
+//! the solid angle is what 1/pdf adds up to over the light. It is summed by quadrature: no statistics.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -44,9 +44,9 @@ fn exact(p: DVec3, corners: [DVec3; 3]) -> f64 {
     2.0 * determinant.atan2(la * lb * lc + a.dot(b) * lc + a.dot(c) * lb + b.dot(c) * la)
 }
 
-/// ∫ 1/pdf over a triangle that is the only light, from `p`. The points that are drawn are rounded to f32: what is summed is
-/// the true density at the cell's point, and the difference of the light's own density to the true one at the point that
-/// it drew.
+/// ∫ 1/pdf over a triangle that is the only light, from `p`. The points that are drawn are rounded to f32: what is
+/// summed is the true density at the cell's point, and the difference of the light's own density to the true one at the
+/// point that it drew.
 fn solid_angle(lights: &Lights, p: Vec3, corners: [DVec3; 3]) -> f64 {
     let [v0, v1, v2] = corners;
     let (e1, e2) = (v1 - v0, v2 - v0);
@@ -112,8 +112,8 @@ fn facing(p: Vec3, positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<[Vec3; 3]>
 #[test]
 fn l06_small_sphere() {
     let mut case = Case::open("L06", "solid angle of a small sphere (mesh)", "cancellation in 1 − cos");
-    // No sphere primitive, no cone sampling: the sphere is a mesh around the origin, from 1 m away. Its outline lies between
-    // the sphere's and that of the sphere which its faces touch, cos²(π/64) as large.
+    // No sphere primitive, no cone sampling: the sphere is a mesh around the origin, from 1 m away. Its outline lies
+    // between the sphere's and that of the sphere which its faces touch, cos²(π/64) as large.
     let sizes = [
         (0.1, 0.03149486152),
         (0.01, 0.0003141671197),
@@ -178,7 +178,7 @@ fn l07_distant_sun() {
         };
         let mut means = Means::default();
         let receiver = Receiver::new(Vec3::ZERO, Vec3::Z, &sun);
-        let estimate = receiver.irradiance(n, with(&mode, Strategy::MisPower, 7));
+        let estimate = receiver.irradiance(n, with(&mode, Strategy::MIS, 7));
         means.add("light sampling and BSDF sampling", expected, 1e-5 * expected, 1e-2, estimate);
         means.judge(&mut case, &mode.name);
     }

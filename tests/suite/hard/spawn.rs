@@ -1,5 +1,5 @@
-//! Rays that leave or reach a surface do not meet it (HARDCASES G07, G08, G19), and hit points are accurate from any distance
-//! (G09): on every backend and mode, and on a plain Möller–Trumbore test, whose rounding is unlike theirs.
+//! Rays that leave or reach a surface do not meet it (HARDCASES G07, G08, G19), and hit points are accurate from any
+//! distance (G09): on every backend and mode, and on a plain Möller–Trumbore test, whose rounding is unlike theirs.
 //!
 //! Oracle: counting, 0 allowed; f64 for the points. Seeds are fixed, so no false alarms.
 
@@ -57,7 +57,10 @@ impl Kind<'_> {
             Kind::MollerTrumbore => Tracer::MollerTrumbore(geometry),
             Kind::Row(row) => {
                 let options = BackendOptions { build_threads: 1, ..BackendOptions::with_mode(row.mode) };
-                Tracer::Backend(geometry, backend::build(row.kind, geometry, &options).expect("the backend builds"))
+                Tracer::Backend(
+                    geometry,
+                    backend::select::build(row.kind, geometry, &options).expect("the backend builds"),
+                )
             }
         }
     }
@@ -234,8 +237,8 @@ fn respawn(tracer: &Tracer, geometry: &Geometry, targets: &[(Vec3, f32)], rng: &
 
 type Family = (&'static str, fn(&mut Rng) -> [DVec3; 3]);
 
-/// The specification's families (a) to (c), slivers of a general direction up to 1 : 2000, and triangles in coordinate planes
-/// (through the origin every second time), where most bounds vanish.
+/// The specification's families (a) to (c), slivers of a general direction up to 1 : 2000, and triangles in coordinate
+/// planes (through the origin every second time), where most bounds vanish.
 const FAMILIES: [Family; 5] = [
     ("log-uniform 1e-3..1e3", |r| {
         std::array::from_fn(|_| DVec3::from_array(std::array::from_fn(|_| log(r, -3.0, 3.0))))
@@ -348,8 +351,8 @@ fn g07_spawned_rays_do_not_meet_the_triangle_they_leave() {
     case.close();
 }
 
-/// A quad at z = 1 under a larger one 2⁻¹⁶ above: 10⁶ spawned rays, none escapes. A direction with z = 2⁻¹² travels 2⁻⁴ to
-/// the cover: inside its margin of 1.
+/// A quad at z = 1 under a larger one 2⁻¹⁶ above: 10⁶ spawned rays, none escapes. A direction with z = 2⁻¹²
+/// travels 2⁻⁴ to the cover: inside its margin of 1.
 #[test]
 fn g08_a_thin_gap_does_not_leak() {
     let mut case = Case::open("G08", "thin gap must not leak", "offset larger than the scene's detail");
@@ -378,8 +381,8 @@ fn g08_a_thin_gap_does_not_leak() {
     case.close();
 }
 
-/// A unit triangle in z = 0 seen from distances of 1 to 10⁶, 200 000 rays each. Oracle: the point of the same barycentrics
-/// in f64, within two ulps of the triangle's extent; the plane exactly.
+/// A unit triangle in z = 0 seen from distances of 1 to 10⁶, 200 000 rays each. Oracle: the point of the same
+/// barycentrics in f64, within two ulps of the triangle's extent; the plane exactly.
 #[test]
 fn g09_hit_points_are_as_accurate_from_afar() {
     let mut case = Case::open("G09", "hit position accuracy with distance", "reconstruction of the hit point");
@@ -421,13 +424,14 @@ fn g09_hit_points_are_as_accurate_from_afar() {
     case.close();
 }
 
-/// Nothing but the light itself between a point and the light, 200 000 segments a family; then a true blocker just in front
-/// of it.
+/// Nothing but the light itself between a point and the light, 200 000 segments a family; then a true blocker just in
+/// front of it.
 #[test]
 fn g19_shadow_segments_stop_short_of_their_light() {
     let mut case = Case::open("G19", "shadow ray to a sampled light point", "false occlusion by the light itself");
     let far = DVec3::new(1e6, -1e6, 5e5);
-    // Centre, size, distance, and where a blocker stands: at 1e6 coordinates come in steps of 1/16 m, 0.999 of 3 m is the light.
+    // Centre, size, distance, and where a blocker stands: at 1e6 coordinates come in steps of 1/16 m, 0.999 of 3 m is
+    // the light.
     let families = [
         ("near", DVec3::ZERO, 1.0, 3.0, 0.999),
         ("at 1e6", far, 1.0, 3.0, 0.7),

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use pathspace::plan::options::{CameraChoice, FilterKind, RenderOptions, Roulette, SamplerKind, Strategy};
+use pathspace::plan::options::{CameraChoice, FilterKind, Roulette, SamplerKind, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::ids::MeshId;
@@ -46,9 +46,9 @@ fn closed_form(rho: f64, k: usize) -> f64 {
     rho * CAP * ((1.0 - CAP) * rho).powi(k as i32 - 1)
 }
 
-/// The mesh of [`integrating_sphere`] solved without random numbers. Its faces are flat trapezoids in rows; all faces of a row are
-/// alike, and a row is what two caps leave, each of which is seen as the polygon that bounds it. So a form factor is a
-/// difference of two of Lambert's sums, exact but for the mean over the face.
+/// The mesh of [`integrating_sphere`] solved without random numbers. Its faces are flat trapezoids in rows; all faces
+/// of a row are alike, and a row is what two caps leave, each of which is seen as the polygon that bounds it. So a form
+/// factor is a difference of two of Lambert's sums, exact but for the mean over the face.
 struct Rows {
     rows: usize,
 }
@@ -88,8 +88,8 @@ impl Rows {
         above.windows(2).map(|pair| pair[1] - pair[0]).collect()
     }
 
-    /// Terms 1 … [`TERMS`] at the tangent points of each row's faces, for a lamp of radiance 1 and a wall of albedo 1: albedo
-    /// ρ makes ρᵏ of them.
+    /// Terms 1 … [`TERMS`] at the tangent points of each row's faces, for a lamp of radiance 1 and a wall of albedo
+    /// 1: albedo ρ makes ρᵏ of them.
     fn solve(&self) -> Vec<[f64; TERMS]> {
         let rule = GaussLegendre::new(3);
         let first = self.rows / 6;
@@ -168,21 +168,22 @@ fn p04_integrating_sphere() {
                 continue;
             }
             let at = |camera: usize| {
-                mode.options(RenderOptions {
-                    camera: CameraChoice::Index(camera),
-                    sampler: SamplerKind::Independent,
-                    per_length: true,
-                    max_depth: 6,
-                    roulette,
-                    seed: camera as u64,
-                    ..options(side, side, if mode.is_main() { 1 } else { 4 })
-                })
+                mode.options(
+                    options(side, side, if mode.is_main() { 1 } else { 4 })
+                        .camera(CameraChoice::Index(camera))
+                        .sampler(SamplerKind::Independent)
+                        .per_length(true)
+                        .max_depth(6)
+                        .roulette(roulette)
+                        .seed(camera as u64),
+                )
             };
             let mut renderer = Renderer::new(&scene, at(0)).expect("valid options");
             let (mut points, mut pooled) = (Means::default(), Vec::new());
             for (camera, &(row, column)) in faces.iter().enumerate().step_by(if mode.is_brute() { 8 } else { 1 }) {
                 renderer.retarget(&at(camera)).expect("valid options");
-                let lengths = renderer.render().expect("renders").lengths.expect("asked for");
+                let film = renderer.render().expect("renders").film;
+                let lengths = film.path_lengths().expect("asked for");
                 for k in 1..=TERMS {
                     let estimate = Estimate::of(lengths.image(k + 1).into_iter());
                     let of = |c: usize| f64::from(LAMP[c]) * f64::from(WALL[c]).powi(k as i32);
@@ -254,12 +255,7 @@ fn p14_phase_curve() {
     case.numbers("- (closed form)", phases.map(|(degrees, expected)| (expected, curve(degrees.to_radians()), 1e-8)));
     // Mean over the disc in units of ρ E/π.
     let seen = |mode: &Mode, scene: &Scene, side: u32| {
-        let options = RenderOptions {
-            filter: FilterKind::Box,
-            max_depth: 2,
-            strategy: Strategy::MisPower,
-            ..options(side, side, 4)
-        };
+        let options = options(side, side, 4).filter(FilterKind::Box).max_depth(2).strategy(Strategy::MIS);
         let mean = render(scene, mode.options(options)).film.mean()[0];
         mean * f64::from(4.0 * HALF * HALF) / PI * PI / 0.5
     };

@@ -1,8 +1,9 @@
-//! Normals and fronts under transforms that stretch and mirror (HARDCASES G17), baked into the world mesh and instanced. Oracle: the
-//! inverse transpose, closed form.
+//! Normals and fronts under transforms that stretch and mirror (HARDCASES G17), baked into the world mesh and
+//! instanced. Oracle: the inverse transpose, closed form.
 
 use glam::{Affine3A, Vec3};
-use pathspace::plan::options::{Aov, RenderOptions};
+use pathspace::plan::Aov;
+use pathspace::plan::options::RenderOptions;
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::BAKE_MESH_TRIANGLES;
@@ -15,8 +16,8 @@ use crate::conformance::variants;
 /// (0.4472136, 0.8944272, 0): the object's normal (1, 1, 0)/√2 after a scale of (2, 1, 1).
 const NORMAL: [f64; 3] = [0.447_213_595_499_957_9, 0.894_427_190_999_915_9, 0.0];
 
-/// A square of `n`² cells across (1, 1, 0), white, in the sun of irradiance π from +y, scaled by (`x`, 1, 1); beside it the
-/// same again, so that a fine one is instanced.
+/// A square of `n`² cells across (1, 1, 0), white, in the sun of irradiance π from +y, scaled by (`x`, 1, 1); beside
+/// it the same again, so that a fine one is instanced.
 fn leaning(n: u32, x: f32, smooth: bool) -> Scene {
     let mut b = SceneBuilder::new();
     let white = b.lambert(Vec3::ONE);
@@ -69,18 +70,13 @@ fn g17_stretched_and_mirrored() {
         for (name, n) in [("baked", 2), ("instanced", fine)] {
             for (x, smooth) in [(2.0, false), (-2.0, false), (2.0, true), (-2.0, true)] {
                 let scene = leaning(n, x, smooth);
-                let options = RenderOptions {
-                    aovs: vec![Aov::Normal],
-                    backend: Some(row.kind),
-                    rays: Some(row.mode),
-                    ..options(8, 8, 1)
-                };
+                let options = options(8, 8, 1).aovs(vec![Aov::NORMAL]).backend(row.kind).rays(row.mode);
                 let renderer = Renderer::new(&scene, options).expect("a valid scene");
                 assert_eq!(renderer.geometry().instances.len(), if n == fine { 2 } else { 0 });
                 let render = renderer.render().expect("renders");
                 let expected = [NORMAL[0] * f64::from(x.signum()), NORMAL[1], 0.0];
-                let hits = render.first_hits.expect("asked for");
-                let normals = hits.iter().flat_map(|hit| (0..3).map(|c| (expected[c], f64::from(hit.normal[c]), 2e-7)));
+                let normals = render.film.layer(Aov::NORMAL).expect("asked for");
+                let normals = normals.iter().flat_map(|n| (0..3).map(|c| (expected[c], n[c], 2e-7)));
                 let radiance = render.film.pixels.iter().map(|p| (NORMAL[1], p.mean()[0], 2e-7));
                 let shading = if smooth { "smooth" } else { "flat" };
                 case.numbers(format!("{}, {name}, {shading}, × {x}", row.name()), normals.chain(radiance));
@@ -88,7 +84,7 @@ fn g17_stretched_and_mirrored() {
         }
         // Outside of the lamp, then inside: 1 and 0 to the bit.
         let lamp = mirrored_lamp();
-        let on = RenderOptions { backend: Some(row.kind), rays: Some(row.mode), ..RenderOptions::default() };
+        let on = RenderOptions::default().backend(row.kind).rays(row.mode);
         let seen = |from: Vec3, dir: Vec3| probe(&lamp, from, dir, 64, on.clone());
         let outside = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z].map(|d| seen(d * 3.0, -d));
         let inside = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z].map(|d| seen(Vec3::splat(0.1), d));

@@ -1,9 +1,9 @@
-//! What a surface returns of light that comes from everywhere (HARDCASES B01–B03): Lambert, single-scatter GGX, and GGX over
-//! the base that makes up for what it loses.
+//! What a surface returns of light that comes from everywhere (HARDCASES B01–B03): Lambert, single-scatter GGX, and
+//! GGX over the base that makes up for what it loses.
 //!
-//! The product's masking is the separable Smith form. It agrees with the height-correlated one at normal incidence, where the
-//! specification's table is used as it stands; elsewhere the oracle is the quadrature below, which is held against every value
-//! that the specification gives for the separable form.
+//! The product's masking is the separable Smith form. It agrees with the height-correlated one at normal incidence,
+//! where the specification's table is used as it stands; elsewhere the oracle is the quadrature below, which is held
+//! against every value that the specification gives for the separable form.
 
 use std::f64::consts::PI;
 
@@ -35,36 +35,37 @@ pub fn sphere(rows: u32, smooth: bool, half_width: f32, material: impl Fn(&mut S
     b.build()
 }
 
-/// Every sample of cosine sampling is ρ (2⁻²⁰). By light sampling and MIS every pixel has the same expectation and the same
-/// variance, so that the pixels' own halves tell it: to 2.2 % (1024 pixels: 4.4 %).
+/// Every sample of cosine sampling is ρ (2⁻²⁰). By light sampling and MIS every pixel has the same expectation
+/// and the same variance, so that the pixels' own halves tell it: to 2.2 % (1024 pixels: 4.4 %).
 #[test]
 fn b01_lambert() {
     let mut case = Case::open("B01", "White furnace, Lambert", "energy bookkeeping at one bounce");
     for mode in Mode::all() {
         let rows = mode.count(48, 12);
         let scene = |albedo: f32| sphere(rows, false, 0.6, move |b| b.lambert(Vec3::splat(albedo)));
-        let cosine = RenderOptions { strategy: Strategy::BsdfOnly, roulette: Roulette::Off, ..options(32, 32, 16) };
+        let cosine = options(32, 32, 16).strategy(Strategy::BSDF).roulette(Roulette::Off);
         for albedo in [1.0, 0.5, 0.18f32] {
             let film = render(&scene(albedo), mode.options(cosine.clone())).film;
             let means = film.pixels.iter().flat_map(|p| [0, 1, 2].map(|c| p.mean()[c]));
             let bound = 0.5_f64.powi(20) / f64::from(albedo);
             case.numbers(format!("{}, cosine, ρ = {albedo}", mode.name), means.map(|m| (f64::from(albedo), m, bound)));
         }
-        for strategy in [Strategy::LightOnly, Strategy::MisPower] {
+        for strategy in [Strategy::LIGHT, Strategy::MIS] {
             let side = mode.count(64, 16);
-            let options = RenderOptions { strategy, sampler: SamplerKind::Independent, ..options(side, side, 256) };
+            let options = options(side, side, 256).strategy(strategy).sampler(SamplerKind::Independent);
             let film = render(&scene(0.5), mode.options(options)).film;
             let variance = film.pixels.iter().map(|p| p.variance().expect("two halves")[1]).sum::<f64>();
             let error = (variance / film.pixels.len() as f64).sqrt();
             let pixels = film.pixels.iter().map(|p| (p.mean()[1], 0.5, error));
-            case.picture(format!("{}, {strategy:?}, ρ = 0.5", mode.name), pixels);
+            case.picture(format!("{}, {strategy}, ρ = 0.5", mode.name), pixels);
         }
     }
     case.close();
 }
 
-/// E(μ) of white GGX with separable masking, and the mean of the squared weight G1(i) that sampling visible normals gives.
-/// By midpoints over the distribution of normals, graded towards the horizon: an integral over facets, D(m) cos(m) dm.
+/// E(μ) of white GGX with separable masking, and the mean of the squared weight G1(i) that sampling visible normals
+/// gives. By midpoints over the distribution of normals, graded towards the horizon: an integral over facets, D(m)
+/// cos(m) dm.
 #[derive(Clone, Copy)]
 pub struct White {
     pub albedo: f64,
@@ -169,17 +170,17 @@ fn b02_single_scatter_ggx() {
     };
     for mode in Mode::all() {
         let (n, delta) = mode.count((1 << 19, 5e-3), (1 << 17, 1e-2));
-        for strategy in [Strategy::BsdfOnly, Strategy::MisPower] {
-            let options = mode.options(RenderOptions { strategy, ..RenderOptions::default() });
-            let name = format!("{}, plate α = 0.5, μ = 0.5, {strategy:?}", mode.name);
+        for strategy in [Strategy::BSDF, Strategy::MIS] {
+            let options = mode.options(RenderOptions::default().strategy(strategy));
+            let name = format!("{}, plate α = 0.5, μ = 0.5, {strategy}", mode.name);
             case.mean(name, [white(0.5, 0.5).albedo; 3], 1e-5, delta, &plate_at(&wall, 0.5, n, options));
         }
         if mode.is_brute() {
             continue;
         }
         let side = mode.count(64, 16);
-        let (strategy, sampler, filter) = (Strategy::BsdfOnly, SamplerKind::Independent, FilterKind::Point);
-        let options = RenderOptions { strategy, sampler, filter, ..options(side, side, 256) };
+        let (strategy, sampler, filter) = (Strategy::BSDF, SamplerKind::Independent, FilterKind::Point);
+        let options = options(side, side, 256).strategy(strategy).sampler(sampler).filter(filter);
         let film = render(&ball, mode.options(options)).film;
         let place = |i: u32| 0.66 * (2.0 * (f64::from(i) + 0.5) / f64::from(side) - 1.0);
         let pixels = film.pixels.iter().enumerate().map(|(i, pixel)| {
@@ -192,8 +193,9 @@ fn b02_single_scatter_ggx() {
     case.close();
 }
 
-/// The compensation of the product is its diffuse base: (1−E(o))(1−E(i))/(π(1−E_avg)) under a coat. With a white base and F = 1 in
-/// the coat that is the case's f_ms, and everything comes back. A metal has no base and keeps the loss of B02.
+/// The compensation of the product is its diffuse base: (1−E(o))(1−E(i))/(π(1−E_avg)) under a coat. With a white
+/// base and F = 1 in the coat that is the case's f_ms, and everything comes back. A metal has no base and keeps the
+/// loss of B02.
 #[test]
 fn b03_compensated_ggx() {
     let mut case = Case::open(
@@ -204,7 +206,7 @@ fn b03_compensated_ggx() {
     let tables = SpecularAlbedo::compute();
     let coated = |alpha: f32, f0: Vec3, base_color: Vec3| {
         let params = GlossyParams { base_color, metallic: 0.0, alpha, f0, f90: 1.0 };
-        Surface::Glossy(Glossy::new(&params, &tables))
+        Surface::Glossy(Glossy::of(&params, &tables))
     };
     for (a, alpha) in [0.01, 0.1, 0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
         for f0 in [1.0, 0.04] {
@@ -269,8 +271,8 @@ fn b03_compensated_ggx() {
         let estimate = plate_at(&wall, 0.3, n, mode.options(RenderOptions::default()));
         case.mean(format!("{}, plate α = 0.5, μ = 0.3", mode.name), [1.0; 3], 2e-3, delta, &estimate);
         if mode.is_main() {
-            let (strategy, sampler) = (Strategy::BsdfOnly, SamplerKind::Independent);
-            let film = render(&ball, mode.options(RenderOptions { strategy, sampler, ..options(64, 64, 256) })).film;
+            let (strategy, sampler) = (Strategy::BSDF, SamplerKind::Independent);
+            let film = render(&ball, mode.options(options(64, 64, 256).strategy(strategy).sampler(sampler))).film;
             let beyond = |mean: f64| 1.0 + (mean - 1.0).signum() * ((mean - 1.0).abs() - 2e-3).max(0.0);
             // Its noise varies over the sphere: known from blocks of 8 × 8 pixels, which it hardly does within.
             let blocks = (0..64).map(|block| {

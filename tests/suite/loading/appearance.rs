@@ -1,15 +1,15 @@
-//! What textures and vertices say of a surface: transforms, second sets of coordinates, vertex colours, alpha, WebP, occlusion.
-//! Files made here; oracles are the specifications' formulas on numbers that f32 holds exactly.
+//! What textures and vertices say of a surface: transforms, second sets of coordinates, vertex colours, alpha, WebP,
+//! occlusion. Files made here; oracles are the specifications' formulas on numbers that f32 holds exactly.
 
 use glam::{Vec2, Vec3, Vec4};
 use pathspace::Scene;
 use pathspace::plan::Effects;
-use pathspace::render::{RenderOptions, Renderer};
+use pathspace::render::Renderer;
 use pathspace::scene::{AlphaMode, Environment, Mesh};
 use serde_json::json;
 
 use super::fixture::{Fixture, write};
-use super::{load, png, warns};
+use super::{as_filed, load, png, warns};
 use crate::common::{options, render};
 
 /// A lossless WebP whose every texel is `color`.
@@ -71,15 +71,18 @@ fn transforms_are_applied_to_the_coordinates() {
 #[test]
 fn slots_read_channels_of_their_own() {
     let mut fixture = textured(json!({
-        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}, "metallicRoughnessTexture": {"index": 1}},
-        "emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}, "emissiveFactor": [1, 1, 1],
+        "pbrMetallicRoughness": {
+            "baseColorTexture": {"index": 0, "texCoord": 1}, "metallicRoughnessTexture": {"index": 1}
+        },
+        "emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}},
+        "emissiveFactor": [1, 1, 1],
         "normalTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [3, 3]}}}}));
     let second = fixture.floats(&[0.5, 0.5, 0.75, 0.5, 0.75, 0.25, 0.5, 0.25], "VEC2");
     let scene = load(&fixture.set("/meshes/0/primitives/0/attributes/TEXCOORD_1", second.into()));
     let material = &scene.materials[0];
-    let slots = material.slots().map(|slot| slot.expect("textured").uv_set);
-    // Base colour, metal and roughness, normals, emission.
-    assert_eq!(slots, [0, 1, 2, 0]);
+    let slots: Vec<u32> = material.textures().map(|(_, texture)| texture.uv_set).collect();
+    // Base colour, metal and roughness, emission, normals.
+    assert_eq!(slots, [0, 1, 0, 2]);
     let mesh = &scene.meshes[0];
     assert_eq!(
         (uvs(mesh, 0)[1], uvs(mesh, 1)[1], uvs(mesh, 2)[1]),
@@ -98,7 +101,8 @@ fn the_second_set_is_looked_up() {
         let info = json!({"index": 0, "texCoord": set});
         let mut fixture = fixture.set(&format!("/materials/0/{slot}"), info);
         if set == 1 {
-            // Another slot keeps set 0 in use, so that the slot reads channel 1 (and changes nothing: a metal stays one).
+            // Another slot keeps set 0 in use, so that the slot reads channel 1 (and changes nothing: a metal stays
+            // one).
             let info = json!({"index": 0});
             fixture = fixture.set("/materials/0/pbrMetallicRoughness/metallicRoughnessTexture", info);
             fixture = fixture.set("/meshes/0/primitives/0/attributes/TEXCOORD_1", 2.into());
@@ -181,28 +185,48 @@ fn vertex_colors_are_read_in_every_form() {
     assert!(warns(&hot, "outside [0, 1]"));
 }
 
-/// Colours between vertices are linear in the barycentric weights, on baked and on instanced meshes, beside meshes without.
+/// Colours between vertices are linear in the barycentric weights, on baked and on instanced meshes, beside meshes
+/// without.
 #[test]
 fn vertex_colors_are_interpolated() {
     let mut fixture = Fixture::quad().set("/materials/0", json!({"extensions": {"KHR_materials_unlit": {}}}));
     // Red grows with x, green with y, as positions do.
     let colors = fixture.floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0], "VEC3");
     let scene = load(&fixture.set("/meshes/0/primitives/0/attributes/COLOR_0", colors.into()));
-    let options = RenderOptions {
-        aovs: vec![pathspace::film::aov::Aov::Albedo, pathspace::film::aov::Aov::Position],
-        ..options(20, 20, 1)
-    };
-    let render = render(&scene, RenderOptions { filter: pathspace::render::FilterKind::Box, ..options });
-    let hits = render.first_hits.expect("asked for");
+    let options = options(20, 20, 1).aovs(vec![pathspace::plan::Aov::ALBEDO, pathspace::plan::Aov::POSITION]);
+    let render = render(&scene, options.filter(pathspace::render::FilterKind::Box));
+    let layer = |aov| render.film.layer(aov).expect("asked for");
+    let (albedos, positions) = (layer(pathspace::plan::Aov::ALBEDO), layer(pathspace::plan::Aov::POSITION));
     let mut seen = 0;
-    for hit in hits.iter().filter(|hit| hit.albedo != [0.0; 3]) {
+    for (albedo, position) in albedos.iter().zip(&positions).filter(|(albedo, _)| **albedo != [0.0; 3]) {
         seen += 1;
         // The sample lies somewhere in the pixel, the position at its centre: half a pixel is 0.06 m here.
         for c in 0..2 {
-            assert!((hit.albedo[c] - hit.position[c]).abs() < 0.07, "{:?} at {:?}", hit.albedo, hit.position);
+            assert!((albedo[c] - position[c]).abs() < 0.07, "{albedo:?} at {position:?}");
         }
     }
     assert!(seen > 50, "only {seen} pixels show the quad");
+}
+
+/// The layer of texture coordinates, at the pixel's centre as the position is. Oracle: the quad's file, u = x and
+/// v = 1 − y.
+#[test]
+fn texture_coordinates_are_a_layer() {
+    use pathspace::plan::Aov;
+    let textured = textured(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+    for (fixture, has) in [(textured, true), (Fixture::quad(), false)] {
+        let film = render(&load(&fixture), options(20, 20, 1).aovs(vec![Aov::UV, Aov::POSITION, Aov::DEPTH])).film;
+        let layer = |aov| film.layer(aov).expect("asked for");
+        let (uvs, positions, depths) = (layer(Aov::UV), layer(Aov::POSITION), layer(Aov::DEPTH));
+        let mut seen = 0;
+        for ((uv, p), depth) in uvs.iter().zip(&positions).zip(&depths) {
+            let hit = depth[0] < f64::from(f32::MAX);
+            let expected = if hit && has { [p[0], 1.0 - p[1]] } else { [0.0; 2] };
+            assert!((0..2).all(|c| (uv[c] - expected[c]).abs() < 1e-6), "{uv:?} at {p:?}");
+            seen += u32::from(hit);
+        }
+        assert!(seen > 50, "only {seen} pixels show the quad");
+    }
 }
 
 /// Alpha of factor, texture and vertices multiply; modes and cutoffs are read; what cannot let light pass is opaque.
@@ -238,7 +262,8 @@ fn alpha_modes_are_read() {
     assert!((red - 0.75).abs() < 4.9 * estimate.standard_error(0) && (green - 1.0).abs() < 1e-6, "{estimate:?}");
 }
 
-/// EXT_texture_webp: its image is taken, with or without a fallback, required or not; a broken one is an error that names it.
+/// EXT_texture_webp: its image is taken, with or without a fallback, required or not; a broken one is an error that
+/// names it.
 #[test]
 fn webp_images_are_read() {
     let load = |texture: serde_json::Value, bytes: &[u8]| {
@@ -250,7 +275,7 @@ fn webp_images_are_read() {
             .set("/textures", json!([texture]))
             .set("/extensionsRequired", json!(["EXT_texture_webp"]))
             .set("/extensionsUsed", json!(["EXT_texture_webp"]));
-        Scene::load(fixture.write(directory.path()))
+        as_filed(fixture.write(directory.path()))
     };
     let image = webp(5, 4, [10, 200, 30]);
     for texture in [
@@ -283,9 +308,8 @@ fn webp_images_are_read() {
 #[test]
 fn what_cannot_be_read_or_is_not_simulated_is_named() {
     let slot = |transform: serde_json::Value| {
-        textured(
-            json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": transform}}}}),
-        )
+        let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": transform}});
+        textured(json!({"pbrMetallicRoughness": {"baseColorTexture": texture}}))
     };
     for broken in
         [json!({"offset": [0, "x"]}), json!({"rotation": 1e300}), json!({"texCoord": -1}), json!({"scale": [[], 1]})]

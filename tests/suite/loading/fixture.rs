@@ -12,7 +12,8 @@ pub struct Fixture {
 }
 
 impl Fixture {
-    /// A unit quad of two triangles (accessor 0: positions, 1: 16-bit indices, 2: texture coordinates), a camera, a material.
+    /// A unit quad of two triangles (accessor 0: positions, 1: 16-bit indices, 2: texture coordinates), a camera, a
+    /// material.
     pub fn quad() -> Fixture {
         let mut fixture = Fixture {
             json: json!({
@@ -20,7 +21,9 @@ impl Fixture {
                 "nodes": [{"mesh": 0, "name": "quad"}, {"camera": 0, "translation": [0.5, 0.5, 3.0]}],
                 "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
                 "materials": [{"name": "plain"}],
-                "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}]}],
+                "meshes": [{"primitives": [
+                    {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}
+                ]}],
                 "accessors": [], "bufferViews": [], "buffers": [{"uri": "scene.bin", "byteLength": 0}]
             }),
             binary: Vec::new(),
