@@ -1,13 +1,16 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates robustness scaling test hard golden fuzz test-nolib lint setup setup-nolib setup-lint setup-gates setup-fuzz
+.PHONY: help render bench gates robustness scaling test hard golden fuzz test-nolib lint
+.PHONY: setup setup-nolib setup-lint setup-gates setup-fuzz
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
 TESTS ?=
 BENCH ?=
 SCENE := scenes/cornell-box/scene.gltf
-NOLIB := -p pathspace -p pathspace-stat --no-default-features
+# Without any C or C++ library, and the bare library without the command line.
+NOLIB := -p pathspace -p pathspace-stat --no-default-features --features pathspace/cli
+BARE := -p pathspace --no-default-features --lib
 
 help:
 	@echo 'make render       set up, build, render the Cornell box to cornell-box.exr and .png'
@@ -18,12 +21,15 @@ help:
 	@echo 'make bench        set up, build, run the benches (Embree and obvhs; about a minute once built)'
 	@echo 'make gates        set up, build, count what each effect costs and that what is not called for is free'
 	@echo 'make robustness   set up, build, print what each robust choice costs and what breaks without it (a minute)'
-	@echo 'make scaling      set up, build, print how cost grows with triangles and samples, with exponents (two minutes once built)'
-	@echo 'make fuzz         set up, build, feed mutated scene files to the loader for a minute (FUZZ_SECONDS=600: ten);'
-	@echo '                  what breaks it lies in fuzz/target/findings, scripts/fuzz.sh FILE replays it'
+	@echo 'make scaling      set up, build, print how cost grows with triangles and samples, with exponents'
+	@echo '                  (two minutes once built)'
+	@echo 'make fuzz         set up, build, feed mutated scenes, then images, to the loader for a minute each'
+	@echo '                  (FUZZ_SECONDS=600: ten); what breaks it lies in fuzz/target/findings,'
+	@echo '                  scripts/fuzz.sh FILE replays it (images FILE)'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
-	@echo '                  setup-nolib: without Embree and OpenImageIO; setup-lint: rustfmt and clippy; setup-gates: valgrind; setup-fuzz: C++'
+	@echo '                  setup-nolib: without Embree and OpenImageIO; setup-lint: rustfmt and clippy;'
+	@echo '                  setup-gates: valgrind; setup-fuzz: C++ and OpenImageIO'
 
 setup:
 	@scripts/setup.sh
@@ -41,8 +47,7 @@ setup-fuzz:
 	@scripts/setup.sh fuzz
 
 render: setup
-	cargo build --release
-	target/release/pathspace render $(SCENE) -o cornell-box.exr --png cornell-box.png --width 512 --height 512 --spp 256
+	cargo run --release -- render $(SCENE) -o cornell-box.exr --png cornell-box.png --width 512 --height 512 --spp 256
 	@echo 'The image:   $(CURDIR)/cornell-box.exr'
 	@echo 'Its preview: $(CURDIR)/cornell-box.png'
 
@@ -71,14 +76,16 @@ hard: setup
 	rm -rf $(HARD)
 	mkdir -p $(HARD)
 	status=0; PATHSPACE_HARD=$(HARD) cargo test --no-fail-fast --test suite hard:: || status=$$?; \
-	PATHSPACE_HARD=$(HARD) cargo test --quiet --test suite hard::table::print -- --ignored --nocapture && cp $(HARD)/HARD.md tests/HARD.md && exit $$status
+	PATHSPACE_HARD=$(HARD) cargo test --quiet --test suite hard::table::print -- --ignored --nocapture && \
+	cp $(HARD)/HARD.md tests/HARD.md && exit $$status
 
 golden: setup
 	cargo test --test suite asset::write -- --ignored
 
 FUZZ_SECONDS ?= 60
 fuzz: setup-fuzz
-	scripts/fuzz.sh $(FUZZ_SECONDS)
+	scripts/fuzz.sh gltf $(FUZZ_SECONDS)
+	scripts/fuzz.sh images $(FUZZ_SECONDS)
 
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)
@@ -87,4 +94,5 @@ lint: setup-lint
 	cargo fmt --all -- --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	cargo clippy $(NOLIB) --all-targets -- -D warnings
+	cargo clippy $(BARE) -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --lib

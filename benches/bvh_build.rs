@@ -19,7 +19,7 @@ fn bvh_build(criterion: &mut Criterion) {
         for kind in common::kinds() {
             let options = BackendOptions { build_threads: 1, ..BackendOptions::default() };
             group.bench_function(BenchmarkId::from_parameter(kind.name()), |bencher| {
-                bencher.iter(|| backend::build(kind, &geometry, &options).expect("the backend is there"));
+                bencher.iter(|| backend::select::build(kind, &geometry, &options).expect("the backend is there"));
             });
         }
     }

@@ -3,7 +3,7 @@
 mod common;
 
 use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput};
-use pathspace::render::{RenderOptions, Renderer};
+use pathspace::render::Renderer;
 
 const SIDE: u32 = 48;
 const SPP: u64 = 16;
@@ -14,7 +14,7 @@ fn frame(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(format!("frame/{name}"));
         group.throughput(Throughput::Elements(u64::from(SIDE * SIDE) * SPP)).sampling_mode(SamplingMode::Flat);
         for kind in common::kinds() {
-            let options = RenderOptions { backend: Some(kind), ..common::options(SIDE, SPP) };
+            let options = common::options(SIDE, SPP).backend(kind);
             let renderer = Renderer::new(&scene, options).unwrap_or_else(|e| panic!("{e}"));
             group.bench_function(BenchmarkId::from_parameter(kind.name()), |bencher| {
                 bencher.iter_custom(|times| (0..times).map(|_| renderer.render().expect("a render").render_time).sum());

@@ -1,10 +1,10 @@
-//! What robustness costs: every choice that takes time so that nothing is lost, measured with and without it, and what breaks
-//! without it, counted in the same run. `make robustness` prints the table (about a minute once built).
+//! What robustness costs: every choice that takes time so that nothing is lost, measured with and without it, and what
+//! breaks without it, counted in the same run. `make robustness` prints the table (about a minute once built).
 //!
-//! Whole renders where the choice can be switched off (Embree's robust traversal), else the operation alone in a loop that stays in
-//! the cache: its nanoseconds times how often a camera path of the Cornell box needs it, over the time of such a path. Times are
-//! the least of several turns of the two sides, alternating. What breaks is counted with fixed seeds and repeats exactly.
-//! Not a criterion bench: rows compare two sides of one thing.
+//! Whole renders where the choice can be switched off (Embree's robust traversal), else the operation alone in a loop
+//! that stays in the cache: its nanoseconds times how often a camera path of the Cornell box needs it, over the time of
+//! such a path. Times are the least of several turns of the two sides, alternating. What breaks is counted with fixed
+//! seeds and repeats exactly. Not a criterion bench: rows compare two sides of one thing.
 
 mod common;
 
@@ -14,10 +14,11 @@ use std::time::Instant;
 use glam::Vec3;
 use pathspace::Scene;
 use pathspace::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock, valid_lanes};
+use pathspace::backend::past::Past;
 use pathspace::backend::{self, Backend, BackendInfo, BackendKind, BackendOptions, Coherence};
 use pathspace::film::Pixel;
 use pathspace::math::float;
-use pathspace::render::{RenderOptions, Renderer};
+use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::Geometry;
 
@@ -132,7 +133,7 @@ fn path(scene: &Scene) -> Path {
 /// Embree with and without: whole renders.
 fn robust_traversal(name: &str, scene: &Scene, lost: &str) -> Row {
     let renderer = |robust| {
-        let options = RenderOptions { backend: Some(BackendKind::Embree), robust, ..common::options(128, 16) };
+        let options = common::options(128, 16).backend(BackendKind::Embree).robust(robust);
         Renderer::new(scene, options).unwrap_or_else(|e| panic!("{e}"))
     };
     let (with, without) = (renderer(true), renderer(false));
@@ -184,7 +185,8 @@ fn lost_by_default_mode() -> String {
     let count = |far, at_edges, robust| {
         let (geometry, center) = sphere(far);
         let options = BackendOptions { robust, ..BackendOptions::default() };
-        let backend = backend::build(BackendKind::Embree, &geometry, &options).unwrap_or_else(|e| panic!("{e}"));
+        let backend =
+            backend::select::build(BackendKind::Embree, &geometry, &options).unwrap_or_else(|e| panic!("{e}"));
         lost(backend.as_ref(), &geometry, center, at_edges)
     };
     let told = |far, at_edges| format!("{} ({} with it)", count(far, at_edges, false), count(far, at_edges, true));
@@ -200,7 +202,7 @@ fn lost_by_default_mode() -> String {
 /// The watertight test against Möller and Trumbore's, every ray against every triangle.
 fn watertight_test(path: &Path) -> Row {
     let (geometry, center) = sphere(false);
-    let ours = backend::build(BackendKind::Brute, &geometry, &BackendOptions::default()).expect("always there");
+    let ours = backend::select::build(BackendKind::Brute, &geometry, &BackendOptions::default()).expect("always there");
     let plain = MollerTrumbore::new(&geometry, ours.info().clone());
     let mut random = Random(7);
     let rays: Vec<RayHitBlock> = (0..64)
@@ -252,7 +254,7 @@ fn ray_origins(path: &Path) -> Row {
     for _ in 0..RAYS / 64 {
         let hit = Hit::random(&mut random);
         let geometry = hit.alone();
-        let backend = backend::build(BackendKind::available()[0], &geometry, &BackendOptions::default());
+        let backend = backend::select::build(BackendKind::available()[0], &geometry, &BackendOptions::default());
         let backend = backend.unwrap_or_else(|e| panic!("{e}"));
         let directions: Vec<Vec3> = (0..64).map(|_| random.direction()).collect();
         let met = |origin: &dyn Fn(Vec3) -> Vec3| {
@@ -358,7 +360,7 @@ fn rebuilt_points(path: &Path) -> Row {
     row("hit points from barycentrics, not o + t·d", times, path.hits, path, breaks)
 }
 
-/// Rays are looked at before they are traced.
+/// Rays are validated before they are traced.
 fn validation(path: &Path) -> Row {
     let mut random = Random(5);
     let mut blocks = vec![RayBlock::EMPTY; ELEMENTS / LANES];
@@ -504,6 +506,10 @@ impl Backend for MollerTrumbore {
             }
         }
         0
+    }
+
+    fn closest_hit_past(&self, _blocks: &mut [RayHitBlock], _len: usize, _past: &Past) -> u64 {
+        unreachable!("no ray goes on")
     }
 
     fn any_hit(&self, _blocks: &mut [RayBlock], _len: usize, _hint: Coherence) -> u64 {

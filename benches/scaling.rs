@@ -1,13 +1,13 @@
 //! How cost grows with triangles and with samples: `make scaling` prints a table with fitted exponents and writes
 //! scaling.json, scaling-triangles.svg and scaling-samples.svg under the target folder (about two minutes once built).
 //!
-//! Triangles: one room with 160 spheres, tessellated more and more finely, so that what is seen and the paths stay the same.
-//! Per backend: processor time to build by one thread, bytes of the hierarchy, processor time per 10⁶ rays of each class
-//! (the render's own rays, replayed), and of the whole render. Samples: one of these rooms, from 1 to 1024 samples a pixel;
-//! processor time and peak memory. Times are the least of several turns, seconds of one thread; other processes stretch
-//! neither, but they do take turns in the caches.
-//! Exponents: least squares through logarithms, with the standard error from the scatter of the points about the line.
-//! A power is a summary, not a law: the cost of a ray steps up where the hierarchy leaves a cache.
+//! Triangles: one room with 160 spheres, tessellated more and more finely, so that what is seen and the paths stay the
+//! same. Per backend: processor time to build by one thread, bytes of the hierarchy, processor time per 10⁶ rays of
+//! each class (the render's own rays, replayed), and of the whole render. Samples: one of these rooms, from 1 to 1024
+//! samples a pixel; processor time and peak memory. Times are the least of several turns, seconds of one thread; other
+//! processes stretch neither, but they do take turns in the caches. Exponents: least squares through logarithms, with
+//! the standard error from the scatter of the points about the line. A power is a summary, not a law: the cost of a ray
+//! steps up where the hierarchy leaves a cache.
 
 mod common;
 
@@ -19,8 +19,9 @@ use std::path::Path;
 use pathspace::backend::{self, Backend, BackendOptions};
 use pathspace::bench::record::{RayClass, Recording, count};
 use pathspace::bench::replay;
+use pathspace::plot::axes::{Axis, Plot};
+use pathspace::plot::svg::Anchor;
 use pathspace::render::Renderer;
-use pathspace::study::axes::{Axis, Plot, standalone};
 use pathspace::study::clock::Stopwatch;
 use pathspace::study::runs::{self, Line};
 use serde_json::{Value, json};
@@ -72,11 +73,10 @@ fn main() {
     };
     println!();
     kept("scaling.json", &text);
-    let drawn = |series: &[Series], x, title| standalone(&draw(series, x, title));
     let times: Vec<Series> = triangles.into_iter().filter(|s| !s.name.contains("bytes")).collect();
-    kept("scaling-triangles.svg", &drawn(&times, "triangles", "Cost against triangles"));
+    kept("scaling-triangles.svg", &draw(&times, "triangles", "Cost against triangles"));
     let times: Vec<Series> = samples.into_iter().filter(|s| !s.name.contains("bytes")).collect();
-    kept("scaling-samples.svg", &drawn(&times, "samples per pixel", "Cost against samples per pixel"));
+    kept("scaling-samples.svg", &draw(&times, "samples per pixel", "Cost against samples per pixel"));
 }
 
 /// Every backend on every room.
@@ -103,7 +103,8 @@ fn over_triangles() -> Vec<Series> {
             // Small hierarchies are built again until their time can be told.
             let (mut times, watch) = (0, Stopwatch::start());
             let backend = loop {
-                let backend = backend::build(kind, renderer.geometry(), &options).unwrap_or_else(|e| panic!("{e}"));
+                let backend =
+                    backend::select::build(kind, renderer.geometry(), &options).unwrap_or_else(|e| panic!("{e}"));
                 times += 1;
                 if watch.cost().cpu_s > 0.1 {
                     break backend;
@@ -230,9 +231,8 @@ fn draw(series: &[Series], x: &str, title: &str) -> String {
     for ((x, y), colour, name) in names {
         let y = (y + 4.0).max(free);
         free = y + 15.0;
-        plot.body += &format!("<g style=\"fill:var(--c{colour})\">\n");
-        plot.text((x + 10.0, y), "start", &name);
-        plot.body += "</g>\n";
+        let attributes = format!("style=\"fill:var(--c{colour})\"");
+        plot.svg.styled_text((x + 10.0, y), Anchor::Start, &attributes, &name);
     }
-    plot.svg(title)
+    plot.svg.file(title)
 }

@@ -28,7 +28,7 @@ fn trace(criterion: &mut Criterion) {
         let mut reference = None;
         for kind in common::kinds() {
             let options = renderer.plan().backend_options();
-            let backend = backend::build(kind, renderer.geometry(), &options).unwrap_or_else(|e| panic!("{e}"));
+            let backend = backend::select::build(kind, renderer.geometry(), &options).unwrap_or_else(|e| panic!("{e}"));
             let outcomes = replay::outcomes(backend.as_ref(), &waves);
             let reference = reference.get_or_insert_with(|| outcomes.clone());
             let agreement = Agreement::of(&waves, &outcomes, reference);

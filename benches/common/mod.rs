@@ -35,7 +35,7 @@ pub fn facts() {
     let processor = Processor::detect();
     println!("machine {} ({}), pathspace {}", processor.name, processor.isa(), env!("CARGO_PKG_VERSION"));
     for kind in kinds() {
-        let empty = backend::build(kind, &Geometry::default(), &BackendOptions::default());
+        let empty = backend::select::build(kind, &Geometry::default(), &BackendOptions::default());
         let info = empty.as_ref().map(|backend| backend.info()).unwrap_or_else(|e| panic!("{e}"));
         println!(
             "{} {} ({}), camera {}, bounce {}, shadow {}",
@@ -89,5 +89,5 @@ fn room(rows: u32) -> Scene {
 
 /// A small frame for one thread.
 pub fn options(side: u32, spp: u64) -> RenderOptions {
-    RenderOptions { threads: 1, ..RenderOptions::new(side, side).spp(spp) }
+    RenderOptions::new(side, side).spp(spp).threads(1)
 }
