@@ -2,27 +2,39 @@
 //! is the sum of its two halves, so that it has the same bits whoever adds which half. Rounding errors grow with the
 //! logarithm of the number of samples (Higham 1993, "The accuracy of floating point summation").
 
-/// Sizes of blocks that may be open at once: at most 2^DEPTH − 1 rows are added.
-const DEPTH: usize = 20;
-
-/// The sum of rows 0 to `n` − 1, `n` < 2^20; zeros where there are none. Where `n` is no power of two, the blocks
-/// that its binary digits name are added from the largest to the smallest.
+/// The sum of rows 0 to `n` − 1; zeros where there are none. Where `n` is no power of two, the blocks that its binary
+/// digits name are added from the largest to the smallest.
 #[inline(always)]
 pub fn sum<const W: usize>(n: usize, mut row: impl FnMut(usize) -> [f64; W]) -> [f64; W] {
-    debug_assert!(n < 1 << DEPTH, "{n} rows");
-    let mut open = [[0.0; W]; DEPTH];
-    let mut depth = 0;
-    for i in 0..n {
-        let mut block = row(i);
-        for _ in 0..i.trailing_ones() {
-            depth -= 1;
-            block = add(open[depth], block);
-        }
-        open[depth] = block;
-        depth += 1;
+    match n {
+        0 => [0.0; W],
+        // Passes of few samples are many.
+        1 => row(0),
+        _ => blocks(n, &mut row),
     }
-    let (first, rest) = open[..depth.max(1)].split_first().expect("one at least");
-    rest.iter().fold(*first, |total, &block| add(total, block))
+}
+
+/// [`sum`] of one row at least.
+#[inline(never)]
+fn blocks<const W: usize>(n: usize, row: &mut impl FnMut(usize) -> [f64; W]) -> [f64; W] {
+    let size = 1 << n.ilog2();
+    let mut total = block(0, size, row);
+    let mut at = size;
+    while at < n {
+        let size = 1 << (n - at).ilog2();
+        total = add(total, block(at, size, row));
+        at += size;
+    }
+    total
+}
+
+/// The sum of `size` rows from `at` on, a power of two.
+fn block<const W: usize>(at: usize, size: usize, row: &mut impl FnMut(usize) -> [f64; W]) -> [f64; W] {
+    match size {
+        1 => row(at),
+        2 => add(row(at), row(at + 1)),
+        _ => add(block(at, size / 2, row), block(at + size / 2, size / 2, row)),
+    }
 }
 
 #[inline(always)]
