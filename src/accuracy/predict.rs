@@ -12,6 +12,8 @@
 //!
 //! Limits: a constant slope; the machine stays as fast as during the pilot; bias has no part in the model.
 
+use crate::plan::options::SamplerKind;
+
 /// Two-sided 95 % point of the normal distribution.
 const NORMAL_95: f64 = 1.959964;
 
@@ -50,6 +52,14 @@ impl SlopePrior {
     /// Sobol' points: 1.02 to 1.14 between 16 and 128 samples per pixel on the shared scenes, pictures of 24×24 and
     /// 64×64.
     pub const SOBOL: SlopePrior = SlopePrior { mean: 1.08, sd: 0.05 };
+
+    /// What is held of `sampler`.
+    pub fn of(sampler: SamplerKind) -> Self {
+        match sampler {
+            SamplerKind::Sobol => Self::SOBOL,
+            SamplerKind::Independent => Self::INDEPENDENT,
+        }
+    }
 }
 
 /// A fitted cost model.

@@ -20,6 +20,7 @@ use crate::film::layer::LAYERS;
 use crate::plan::Aov;
 use crate::plan::options::ROULETTE_START;
 use crate::render::{Crop, Fog};
+use crate::sampler::SamplerKind;
 use crate::scene::Shutter;
 use crate::texture::load as loading;
 
@@ -387,8 +388,10 @@ pub struct SettingsArgs {
     #[arg(long, value_enum, ignore_case = true, default_value = "mis", help_heading = "Light transport")]
     pub strategy: StrategyName,
     /// Random numbers: Owen-scrambled Sobol points, or independent
-    #[arg(long, value_enum, ignore_case = true, default_value = "sobol", help_heading = "Light transport")]
-    pub sampler: SamplerName,
+    #[arg(
+        long, ignore_case = true, default_value = "sobol", value_parser = samplers(), help_heading = "Light transport"
+    )]
+    pub sampler: SamplerKind,
     /// Seed of every random number
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Light transport")]
     pub seed: u64,
@@ -741,12 +744,10 @@ pub enum TextureFilterName {
 }
 
 /// Values of `--sampler`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum SamplerName {
-    /// Owen-scrambled Sobol points
-    Sobol,
-    /// Independent uniform numbers
-    Independent,
+fn samplers() -> impl TypedValueParser<Value = SamplerKind> {
+    let value = |kind: SamplerKind| PossibleValue::new(kind.name()).help(kind.about());
+    PossibleValuesParser::new(SamplerKind::ALL.map(value))
+        .map(|name| name.to_lowercase().parse().expect("one of the values"))
 }
 
 /// Values of `--progress`.

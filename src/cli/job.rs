@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::args::{
     ContentArgs, EnvironmentArgs, FileArgs, ImageFormatsName, MissingTextureName, ProgressKind, Rays, RenderArgs,
-    SamplerName, SettingsArgs, StrategyName, Switch, TextureArgs, TextureFilterName,
+    SettingsArgs, StrategyName, Switch, TextureArgs, TextureFilterName,
 };
 use super::{frames, quick};
 use crate::backend::QueryMode;
@@ -19,7 +19,6 @@ use crate::film::look::Format;
 use crate::plan::options::ROULETTE_START;
 use crate::plan::{Aov, Gate};
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter};
-use crate::sampler::SamplerKind;
 use crate::scene::{Budget, Decoder, Environment, EnvironmentFile, LoadOptions, MissingTexture, Scene};
 
 /// A name that stands for stdin or stdout.
@@ -478,10 +477,7 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
             StrategyName::Bsdf => Strategy::BSDF,
             StrategyName::Light => Strategy::LIGHT,
         },
-        sampler: match args.sampler {
-            SamplerName::Sobol => SamplerKind::Sobol,
-            SamplerName::Independent => SamplerKind::Independent,
-        },
+        sampler: args.sampler,
         texture_filter: match args.texture_filter {
             TextureFilterName::Exact => TextureFilter::Exact,
             TextureFilterName::Trilinear => TextureFilter::Trilinear,

@@ -58,10 +58,7 @@ pub struct StoppingRule {
 impl StoppingRule {
     /// For relative RMSE `target` in a picture of `pixels`.
     pub fn new(target: f64, min_spp: u64, pixels: u64, sampler: SamplerKind) -> Self {
-        let prior = match sampler {
-            SamplerKind::Sobol => SlopePrior::SOBOL,
-            SamplerKind::Independent => SlopePrior::INDEPENDENT,
-        };
+        let prior = SlopePrior::of(sampler);
         let least = min_spp.max(LEAST_SAMPLES.div_ceil(pixels.max(1)));
         let (points, last) = (Vec::new(), None);
         StoppingRule { target, least, next_check: FIRST_CHECK, prior, points, last, fall: DENOMINATOR_FALL }

@@ -1,8 +1,11 @@
-//! The samplers by name: spelling on the command line and in reports.
+//! The samplers: names, help, and the type of each, which loops are compiled for.
 
 use std::fmt;
 use std::str::FromStr;
 
+use super::independent::IndependentScheme;
+use super::scheme::Scheme;
+use super::sobol::SobolScheme;
 use crate::plan::options::SamplerKind;
 
 impl SamplerKind {
@@ -16,6 +19,32 @@ impl SamplerKind {
             SamplerKind::Independent => "independent",
         }
     }
+
+    /// What `--help` says of it.
+    pub fn about(self) -> &'static str {
+        match self {
+            SamplerKind::Sobol => "Owen-scrambled Sobol points",
+            SamplerKind::Independent => "Independent uniform numbers",
+        }
+    }
+
+    /// Runs `task` with the type of this sampler.
+    #[inline(always)]
+    pub fn with<T: WithScheme>(self, task: T) -> T::Output {
+        match self {
+            SamplerKind::Sobol => task.run::<SobolScheme>(),
+            SamplerKind::Independent => task.run::<IndependentScheme>(),
+        }
+    }
+}
+
+/// What [`SamplerKind::with`] runs.
+pub trait WithScheme {
+    /// What it returns.
+    type Output;
+
+    /// Runs with the sampler `S`.
+    fn run<S: Scheme>(self) -> Self::Output;
 }
 
 impl fmt::Display for SamplerKind {
@@ -30,6 +59,6 @@ impl FromStr for SamplerKind {
         SamplerKind::ALL
             .into_iter()
             .find(|kind| kind.name() == s)
-            .ok_or_else(|| format!("'{s}' is not one of sobol, independent"))
+            .ok_or_else(|| format!("'{s}' is not one of {}", SamplerKind::ALL.map(SamplerKind::name).join(", ")))
     }
 }

@@ -15,5 +15,6 @@ pub mod sobol;
 pub use crate::plan::options::SamplerKind;
 pub use address::{Address, address, pixel_seed};
 pub use independent::IndependentScheme;
+pub use kind::WithScheme;
 pub use scheme::{Scheme, unit_float};
 pub use sobol::SobolScheme;

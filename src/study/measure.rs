@@ -21,7 +21,7 @@ use super::rounds::{LEAST_SPP, deep, levels};
 use super::settings;
 use crate::accuracy::predict::{self, Point, SlopePrior};
 use crate::error::{Error, Result};
-use crate::render::{RenderOptions, SamplerKind};
+use crate::render::RenderOptions;
 use crate::scene::Scene;
 
 /// Targets of the price list, relative RMSE.
@@ -138,11 +138,7 @@ impl Study {
                 let seconds = render.render_time.as_secs_f64();
                 let (relmse, relmse_interval) = (estimate.relmse, estimate.interval);
                 self.pilot.push(Point { spp, seconds, relmse, relmse_interval });
-                let prior = match base.sampler {
-                    SamplerKind::Sobol => SlopePrior::SOBOL,
-                    SamplerKind::Independent => SlopePrior::INDEPENDENT,
-                };
-                self.prediction = predict::fit_with(&self.pilot, self.fixed_s, prior);
+                self.prediction = predict::fit_with(&self.pilot, self.fixed_s, SlopePrior::of(base.sampler));
             } else if spp > LEAST_SPP {
                 break;
             }

@@ -80,7 +80,7 @@ pub fn techniques(base: &RenderOptions, full: bool) -> Vec<Setting> {
     let mut list = vec![Setting { name: "default".into(), role: Role::Default, options: base.clone() }];
     for &backend in &backends {
         for roulette in roulettes {
-            for sampler in [SamplerKind::Sobol, SamplerKind::Independent] {
+            for sampler in SamplerKind::ALL {
                 for strategy in strategies {
                     let differences = [
                         (strategy != base.strategy, "--strategy", strategy.name()),

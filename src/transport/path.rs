@@ -20,38 +20,52 @@ use crate::film::Pixel;
 use crate::math::columns::get;
 use crate::math::simd::dispatch;
 use crate::math::simd::isa::{Baseline, Isa, Kernel};
-use crate::plan::options::SamplerKind;
-use crate::sampler::{IndependentScheme, Scheme, SobolScheme};
+use crate::sampler::{Scheme, WithScheme};
 use crate::texture;
 
 /// Renders the samples of `chunk` (which must fit the wave) into `pixels`, one per pixel of the chunk.
 pub fn run(job: &Job, chunk: &Chunk, wave: &mut Wave, pixels: &mut [Pixel], counters: &mut Counters) {
-    let output = Output { pixels, counters };
-    match job.sampler {
-        SamplerKind::Sobol => {
-            let wide = SobolScheme::WIDE && job.avx512;
-            dispatch::widest(
-                wide,
-                Loop::<SobolScheme, _> { job, chunk, wave, output, tape: &mut Silent, of: PhantomData },
-            )
-        }
-        SamplerKind::Independent => {
-            let wide = IndependentScheme::WIDE && job.avx512;
-            let tape = &mut Silent;
-            dispatch::widest(wide, Loop::<IndependentScheme, _> { job, chunk, wave, output, tape, of: PhantomData })
-        }
-    }
+    job.sampler.with(Rendered { job, chunk, wave, output: Output { pixels, counters } })
 }
 
 /// [`run`] for a wave of one path, which is written down. In the baseline, which gives the same bits.
 pub fn told<T: Tape>(job: &Job, chunk: &Chunk, wave: &mut Wave, output: Output, tape: &mut T) {
-    match job.sampler {
-        SamplerKind::Sobol => {
-            Baseline::call(Loop::<SobolScheme, T> { job, chunk, wave, output, tape, of: PhantomData })
-        }
-        SamplerKind::Independent => {
-            Baseline::call(Loop::<IndependentScheme, T> { job, chunk, wave, output, tape, of: PhantomData })
-        }
+    job.sampler.with(Told { job, chunk, wave, output, tape })
+}
+
+struct Rendered<'w, 'j> {
+    job: &'w Job<'j>,
+    chunk: &'w Chunk<'w>,
+    wave: &'w mut Wave,
+    output: Output<'w>,
+}
+
+impl WithScheme for Rendered<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Scheme>(self) {
+        let Rendered { job, chunk, wave, output } = self;
+        let wide = S::WIDE && job.avx512;
+        dispatch::widest(wide, Loop::<S, _> { job, chunk, wave, output, tape: &mut Silent, of: PhantomData })
+    }
+}
+
+struct Told<'w, 'j, T> {
+    job: &'w Job<'j>,
+    chunk: &'w Chunk<'w>,
+    wave: &'w mut Wave,
+    output: Output<'w>,
+    tape: &'w mut T,
+}
+
+impl<T: Tape> WithScheme for Told<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Scheme>(self) {
+        let Told { job, chunk, wave, output, tape } = self;
+        Baseline::call(Loop::<S, T> { job, chunk, wave, output, tape, of: PhantomData })
     }
 }
 

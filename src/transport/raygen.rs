@@ -7,7 +7,7 @@ use super::wave::{Gathered, PathBlock, Wave};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::film::filter::FilterSample;
 use crate::film::layer::bounces::LENGTHS;
-use crate::sampler::{self, IndependentScheme, SamplerKind, Scheme, SobolScheme, dims};
+use crate::sampler::{self, Scheme, WithScheme, dims};
 use crate::shading::cone::Cone;
 
 /// Camera samples of one chunk: some pixels of a tile, a range of sample indices of each.
@@ -127,12 +127,23 @@ pub fn film_position(job: &Job, pixel: (u32, u32), sample: u64) -> [f32; 2] {
     let address = sampler::address(sample);
     let number = u64::from(pixel.0) + u64::from(pixel.1) * u64::from(job.columns);
     let seed = sampler::pixel_seed(job.seed, number, address.half, address.high);
-    let u = match job.sampler {
-        SamplerKind::Sobol => SobolScheme::sample_4d(address.index, seed, dims::CAMERA),
-        SamplerKind::Independent => IndependentScheme::sample_4d(address.index, seed, dims::CAMERA),
-    };
+    let u = job.sampler.with(CameraPoint { index: address.index, seed });
     let FilterSample { dx, dy, .. } = job.filter.sample(u[0], u[1]);
     [pixel.0 as f32 + 0.5 + dx, pixel.1 as f32 + 0.5 + dy]
+}
+
+/// The numbers of a camera ray.
+struct CameraPoint {
+    index: u32,
+    seed: [u32; 2],
+}
+
+impl WithScheme for CameraPoint {
+    type Output = [f32; 4];
+
+    fn run<S: Scheme>(self) -> [f32; 4] {
+        S::sample_4d(self.index, self.seed, dims::CAMERA)
+    }
 }
 
 /// Once camera rays are traced, their blocks are used again for rays that begin where they start.
