@@ -47,10 +47,10 @@ impl Blocks {
         self.films.iter().map(|film| film.pixels[at].samples()).sum()
     }
 
-    /// Layers of `pixels` pixels without samples.
-    pub fn blank(&self, pixels: usize) -> Patch {
-        let planes = self.films[0].planes.iter().map(|plane| Plane::new(plane.layer, pixels)).collect();
-        Patch { pixels: vec![Pixel::default(); pixels], planes }
+    /// A patch of no pixels with the layers of these films.
+    pub fn patch(&self) -> Patch {
+        let planes = self.films[0].planes.iter().map(|plane| Plane::new(plane.layer, 0)).collect();
+        Patch { pixels: Vec::new(), planes }
     }
 
     /// Adds the next block of each of `pixels`, which are those of the full image and lie inside the window.
@@ -72,6 +72,12 @@ impl Blocks {
     /// Adds pixel `from` of `planes` as the next block of the pixel at `at`.
     fn push_pixel(&mut self, at: usize, pixel: &Pixel, planes: &[Plane], from: usize) {
         let held = |film: &Film| film.pixels[at].samples();
+        // The one block of passes that double the samples.
+        if let [film] = &mut self.films[..]
+            && [0, pixel.samples()].contains(&held(film))
+        {
+            return film.merge_pixel(at, pixel, planes, from);
+        }
         let depth = self.films.iter().position(|film| held(film) == 0).unwrap_or(self.films.len());
         if depth == 0 || held(&self.films[depth - 1]) != pixel.samples() {
             if depth == self.films.len() {

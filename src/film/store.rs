@@ -100,6 +100,24 @@ impl Plane {
     }
 }
 
+impl Patch {
+    /// For `pixels` pixels, whose values are yet to be written.
+    pub fn resize(&mut self, pixels: usize) {
+        self.pixels.resize(pixels, Pixel::default());
+        self.planes.iter_mut().for_each(|plane| plane.values.resize(pixels * plane.layer.width(), 0.0));
+    }
+
+    /// Gives the layers besides the beauty the values that a pixel without samples has.
+    pub fn clear_planes(&mut self) {
+        for plane in &mut self.planes {
+            let layer = plane.layer;
+            for pixel in plane.values.chunks_exact_mut(layer.width()) {
+                pixel.iter_mut().enumerate().for_each(|(value, kept)| *kept = layer.initial(value));
+            }
+        }
+    }
+}
+
 impl PartialEq for Plane {
     fn eq(&self, other: &Self) -> bool {
         self.layer.aov == other.layer.aov && self.values == other.values

@@ -23,6 +23,7 @@ use super::result::{Fault, Totals};
 use super::tile::{self, Tile};
 use crate::backend::Backend;
 use crate::film::estimate::ErrorEstimate;
+use crate::film::store::Patch;
 use crate::transport::counters::Counters;
 use crate::transport::job::Job;
 use crate::transport::raygen::Chunk;
@@ -77,8 +78,15 @@ pub(super) struct Workers<'r> {
     tiles: Vec<Tile>,
     /// Film and counters at once, so that they always belong together.
     totals: Mutex<Totals>,
-    /// Waves not in use; a worker takes one per tile and puts it back.
-    waves: Mutex<Vec<Wave>>,
+    /// Desks not in use; a worker takes one per tile and puts it back.
+    desks: Mutex<Vec<Desk>>,
+}
+
+/// What a worker writes on.
+struct Desk {
+    wave: Wave,
+    /// A block of samples of a tile, overwritten by the next.
+    patch: Patch,
 }
 
 impl<'r> Workers<'r> {
@@ -89,7 +97,7 @@ impl<'r> Workers<'r> {
             backend,
             tiles: tile::tiles(renderer.plan.window),
             totals: Mutex::new(totals),
-            waves: Mutex::new(Vec::new()),
+            desks: Mutex::new(Vec::new()),
         }
     }
 
@@ -172,16 +180,17 @@ impl<'r> Workers<'r> {
         let mut done = self.totals().film.samples(first_pixel);
         while done < pass.end {
             let samples = next_block(done, pass.end);
-            let mut patch = self.totals().film.blank(tile.pixels.len());
-            let mut wave = self
-                .waves
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .pop()
-                .unwrap_or_else(|| Wave::new(plan.wave, plan.features.per_length));
+            let free = self.desks.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut desk = free.unwrap_or_else(|| Desk {
+                wave: Wave::new(plan.wave, plan.features.per_length),
+                patch: self.totals().film.patch(),
+            });
+            let Desk { wave, patch } = &mut desk;
+            patch.resize(tile.pixels.len());
             let job = Job { backend: self.backend, ..self.renderer.job() };
             let mut counters = Counters::default();
             if done == 0 && plan.features.first_hit {
+                patch.clear_planes();
                 first_hit::centres(&job, &tile.pixels, &mut patch.planes, &mut counters);
             }
             let (first_sample, in_chunk) = (plan.sample_start + done, samples as usize);
@@ -190,17 +199,17 @@ impl<'r> Workers<'r> {
             for (number, (pixels, sums)) in chunks.enumerate() {
                 at.set((number * per_chunk, pixels.len(), first_sample));
                 let chunk = Chunk { pixels, first_sample, samples: in_chunk };
-                path::run(&job, &chunk, &mut wave, sums, &mut counters);
-                accumulate::layers(&chunk, &wave, &mut patch.planes, number * per_chunk);
+                path::run(&job, &chunk, wave, sums, &mut counters);
+                accumulate::layers(&chunk, wave, &mut patch.planes, number * per_chunk);
             }
             if self.renderer.tiles.as_ref().is_some_and(|tiles| tiles.must_stop()) {
                 return Texels::Missing;
             }
             let mut totals = self.totals();
-            totals.film.push(&tile.pixels, &patch);
+            totals.film.push(&tile.pixels, patch);
             totals.counters.merge(&counters);
             drop(totals);
-            self.waves.lock().unwrap_or_else(PoisonError::into_inner).push(wave);
+            self.desks.lock().unwrap_or_else(PoisonError::into_inner).push(desk);
             done += samples;
         }
         Texels::Read

@@ -8,25 +8,29 @@ use crate::film::Pixel;
 use crate::film::layer::bounces::LENGTHS;
 use crate::film::pairwise;
 use crate::film::store::Plane;
+use crate::math::columns::get;
 use crate::plan::aov::Gathers;
-use glam::Vec3;
 
 /// Adds the radiance of every shadow ray that was not blocked; the path through the light has `edge` edges.
 #[inline(always)]
 pub fn shadows(wave: &mut Wave, edge: u32) {
-    for lane in 0..wave.shadows.len {
-        let (block, i) = (lane / LANES, lane % LANES);
-        if wave.shadows.rays[block].tfar[i] != BLOCKED {
-            let carried = &wave.shadows.carried[block];
-            let radiance = Vec3::new(carried.radiance[0][i], carried.radiance[1][i], carried.radiance[2][i]);
-            let slot = carried.slot[i];
-            wave.add(slot, edge, radiance);
+    let Wave { shadows, sums, .. } = wave;
+    let mut left = shadows.len;
+    for (rays, carried) in shadows.rays.iter().zip(&shadows.carried) {
+        for i in 0..left.min(LANES) {
+            if rays.tfar[i] != BLOCKED {
+                sums.add(carried.slot[i], edge, get(&carried.radiance, i));
+            }
+        }
+        left = left.saturating_sub(LANES);
+        if left == 0 {
+            break;
         }
     }
 }
 
-/// Adds the sum in pairs of the chunk's samples to `pixels` (one per pixel of the chunk), in f64. A sample that is not
-/// finite enters as 0 and is counted and located.
+/// Writes the sum in pairs of the chunk's samples to `pixels` (one per pixel of the chunk), in f64. A sample that is
+/// not finite enters as 0 and is counted and located.
 #[inline(always)]
 pub fn samples(chunk: &Chunk, wave: &Wave, pixels: &mut [Pixel], counters: &mut Counters) {
     for (p, pixel) in pixels.iter_mut().enumerate() {
@@ -39,21 +43,27 @@ pub fn samples(chunk: &Chunk, wave: &Wave, pixels: &mut [Pixel], counters: &mut 
                 let gathered = &wave.sums.gathered[p * chunk.samples + s];
                 let mut rgb = gathered.radiance;
                 if !rgb.iter().all(|c| c.is_finite()) {
-                    let sample = chunk.first_sample + s as u64;
-                    counters.nonfinite += 1;
-                    counters.list(NonFinite { pixel: chunk.pixels[p], sample, bounce: None });
+                    note_nonfinite(chunk, (p, s), counters);
                     rgb = [0.0; 3];
                 }
                 let weight = f64::from(gathered.weight);
                 [rgb[0], rgb[1], rgb[2], gathered.coverage].map(|value| weight * f64::from(value))
             });
-            pixel.add_sum(half, sum, n as u64);
+            pixel.set_sum(half, sum, n as u64);
         }
     }
 }
 
-/// Adds what the chunk's samples have gathered for the layers besides the beauty, in pairs, in f64 and weighted as the
-/// beauty is. The chunk's pixels are those of `planes` from number `first` on.
+/// Counts and locates sample `s` of pixel `p` of the chunk.
+#[cold]
+#[inline(never)]
+fn note_nonfinite(chunk: &Chunk, (p, s): (usize, usize), counters: &mut Counters) {
+    counters.nonfinite += 1;
+    counters.list(NonFinite { pixel: chunk.pixels[p], sample: chunk.first_sample + s as u64, bounce: None });
+}
+
+/// Writes what the chunk's samples have gathered for the layers besides the beauty, in pairs, in f64 and weighted as
+/// the beauty is. The chunk's pixels are those of `planes` from number `first` on.
 pub fn layers(chunk: &Chunk, wave: &Wave, planes: &mut [Plane], first: usize) {
     let of_first_hit = |plane: &Plane| plane.layer.aov.gathers() == Gathers::FirstHit;
     let first_hits = planes.iter().filter(|plane| of_first_hit(plane)).count();
@@ -70,7 +80,8 @@ pub fn layers(chunk: &Chunk, wave: &Wave, planes: &mut [Plane], first: usize) {
     }
 }
 
-/// Adds `values` of the camera samples, times the filter's weight, to the pixels of `plane` from number `first` on.
+/// Writes the sums of `values` of the camera samples, times the filter's weight, to the pixels of `plane` from number
+/// `first` on.
 fn add<'w>(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, values: impl Fn(usize) -> &'w [f32; 3]) {
     for p in 0..chunk.pixels.len() {
         let sum = pairwise::sum(chunk.samples, |s| {
@@ -78,7 +89,7 @@ fn add<'w>(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, values: 
             let weight = f64::from(wave.sums.gathered[slot].weight);
             values(slot).map(|value| weight * f64::from(value))
         });
-        plane.pixel_mut(first + p).iter_mut().zip(sum).for_each(|(kept, sum)| *kept += sum);
+        plane.pixel_mut(first + p).copy_from_slice(&sum);
     }
 }
 
@@ -96,7 +107,7 @@ fn path_lengths(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize) {
             let terms = wave.sums.per_length[slot].as_flattened();
             std::array::from_fn(|i| weight * f64::from(terms[i]))
         });
-        plane.pixel_mut(first + p).iter_mut().zip(sum).for_each(|(kept, sum)| *kept += sum);
+        plane.pixel_mut(first + p).copy_from_slice(&sum);
     }
 }
 

@@ -309,12 +309,6 @@ impl Wave {
     pub fn capacity(&self) -> usize {
         self.sums.gathered.len()
     }
-
-    /// See [`Sums::add`].
-    #[inline(always)]
-    pub fn add(&mut self, slot: u32, edge: u32, radiance: Vec3) {
-        self.sums.add(slot, edge, radiance);
-    }
 }
 
 impl Sums {

@@ -43,17 +43,18 @@ impl Pixel {
         for half in 0..2 {
             let skipped = (first as usize ^ half) & 1;
             let n = (samples.len() + 1 - skipped) / 2;
-            pixel.add_sum(half, pairwise::sum(n, |i| samples[skipped + 2 * i]), n as u64);
+            pixel.set_sum(half, pairwise::sum(n, |i| samples[skipped + 2 * i]), n as u64);
         }
         pixel
     }
 
-    /// Adds the sum of `n` samples to half `half`: what [`add`](Self::add) adds for each.
+    /// Makes half `half` the sum of `n` samples: what [`add`](Self::add) adds for each.
     #[inline(always)]
-    pub(crate) fn add_sum(&mut self, half: usize, sum: [f64; 4], n: u64) {
+    pub(crate) fn set_sum(&mut self, half: usize, sum: [f64; 4], n: u64) {
         debug_assert!(sum.iter().all(|c| c.is_finite()), "samples that are not finite reached the film: {sum:?}");
-        self.sum[half].iter_mut().zip(sum).for_each(|(kept, sum)| *kept += sum);
-        self.n[half] += n;
+        // Not −0, which a weight below 0 makes of black.
+        self.sum[half] = sum.map(|value| value + 0.0);
+        self.n[half] = n;
     }
 
     /// Adds the samples of another film's pixel. The order in which parts are merged is the order of the sums: keep it
