@@ -49,9 +49,17 @@ pub(super) fn find(geometry: &Geometry, materials: &[Material]) -> Solids {
     solids.numbers = vec![0; placed.len()];
     // The largest box first; of equal ones, the first in the file.
     placed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    for (number, &(_, place, solid)) in placed.iter().enumerate() {
-        solids.numbers[place] = number as u32;
-        solids.list.push(solid);
+    let mut open: HashMap<u32, u32> = HashMap::new();
+    for &(_, place, solid) in &placed {
+        let next = solids.list.len() as u32;
+        let number = if solid.closed { next } else { *open.entry(solid.material).or_insert(next) };
+        solids.numbers[place] = number;
+        match solids.list.get_mut(number as usize) {
+            None => solids.list.push(solid),
+            Some(whole) => {
+                whole.bounds = (whole.bounds.0.min(solid.bounds.0), whole.bounds.1.max(solid.bounds.1));
+            }
+        }
     }
     solids
 }

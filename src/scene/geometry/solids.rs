@@ -3,7 +3,8 @@
 //!
 //! A body is a connected part of the triangles of one mesh and one material, welded at equal corners; a cavity (a part
 //! whose normals point into itself, as the inner sphere of a hollow ball) belongs to the body around it. Every
-//! placement of a body is a solid. Solids are numbered by rank: of two that overlap, the one with the smaller bounding
+//! placement of a body is a solid. Open bodies of one material are one solid: two faces of a pane that are meshes of
+//! their own bound it together. Solids are numbered by rank: of two that overlap, the one with the smaller bounding
 //! box is the inner one and has the higher number. glTF has no priorities (Schmidt and Budge 2002); a total order makes
 //! the answer the same from both sides.
 //!
@@ -14,7 +15,7 @@ use glam::Vec3;
 /// Not a solid.
 pub const NO_SOLID: u32 = u32::MAX;
 
-/// One placed body.
+/// One placed body, or all open ones of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
     /// Index into `Scene::materials`.
@@ -23,7 +24,8 @@ pub struct Solid {
     pub bounds: (Vec3, Vec3),
     /// Whether every edge joins two triangles that face the same way: only then it has an inside that is known.
     pub closed: bool,
-    /// Mesh of the flattened geometry, body within it, and placement ([`u32::MAX`]: the world's).
+    /// Mesh of the flattened geometry, body within it, and placement ([`u32::MAX`]: the world's); of open ones, the
+    /// first's.
     pub(super) of: [u32; 3],
 }
 
@@ -36,7 +38,7 @@ pub struct Solids {
     pub(super) bodies: Vec<u32>,
     /// Where the numbers of a placement begin: the world's first, then one an instance.
     pub(super) first: Vec<u32>,
-    /// Number of each body of each placement.
+    /// Number of each body of each placement in `list`.
     pub(super) numbers: Vec<u32>,
 }
 
