@@ -57,36 +57,7 @@ impl Scene {
             if let Some((_, slot)) = textures.find(|(_, slot)| slot.texture.index() >= self.textures.len()) {
                 return fail(format!("expected a texture below {}, found {}", self.textures.len(), slot.texture.0));
             }
-            let colors = [
-                material.base_color,
-                material.emissive,
-                material.specular_color,
-                material.attenuation_color,
-                material.sheen_color,
-                material.diffuse_transmission_color,
-            ];
-            let factors = [
-                material.metallic,
-                material.roughness,
-                material.specular,
-                material.ior,
-                material.transmission,
-                material.thickness,
-                material.base_alpha,
-                material.clearcoat,
-                material.clearcoat_roughness,
-                material.clearcoat_normal_scale,
-                material.sheen_roughness,
-                material.dispersion,
-                material.anisotropy,
-                material.anisotropy_rotation_rad,
-                material.iridescence,
-                material.iridescence_ior,
-                material.iridescence_thickness_nm[0],
-                material.iridescence_thickness_nm[1],
-                material.diffuse_transmission,
-            ];
-            if !colors.iter().all(|color| color.is_finite()) || !factors.iter().all(|factor| factor.is_finite()) {
+            if !material.is_finite() {
                 return fail("expected finite factors".into());
             }
         }

@@ -198,6 +198,9 @@ pub fn check(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
+/// What hits on a diffuse surface may turn out to be.
+const DIFFUSE: [Fact; 2] = [Fact::Black, Fact::Lambert];
+
 /// What keeps a material from being an untextured Lambert surface.
 fn not_diffuse(material: &Material) -> Option<&'static str> {
     let facts = Facts::of(material);
@@ -206,11 +209,10 @@ fn not_diffuse(material: &Material) -> Option<&'static str> {
         (facts.transmits(), "transmits light"),
         (facts.has(Fact::Metal), "is a metal"),
         (facts.has(Fact::Coat), "has a specular coat (specularFactor above 0)"),
-        (facts.has(Fact::Clearcoat), "has a clearcoat"),
-        (facts.has(Fact::Sheen), "has sheen"),
         (facts.has(Fact::Textures), "has textures"),
         (facts.has(Fact::VertexColors), "has vertex colours"),
         (facts.has(Fact::Uncovered), "is not opaque"),
+        (Fact::MODELS.into_iter().any(|model| facts.has(model) && !DIFFUSE.contains(&model)), "is not diffuse"),
     ]
     .into_iter()
     .find_map(|(is, why)| is.then_some(why))

@@ -128,6 +128,44 @@ pub struct Material {
     pub double_sided: bool,
 }
 
+impl Material {
+    /// Whether all factors are finite; the distance of attenuation may be infinite.
+    pub fn is_finite(&self) -> bool {
+        let colors = [
+            self.base_color,
+            self.emissive,
+            self.specular_color,
+            self.attenuation_color,
+            self.multiscatter_color,
+            self.sheen_color,
+            self.diffuse_transmission_color,
+        ];
+        let factors = [
+            self.base_alpha,
+            self.metallic,
+            self.roughness,
+            self.specular,
+            self.ior,
+            self.transmission,
+            self.thickness,
+            self.dispersion,
+            self.scatter_anisotropy,
+            self.clearcoat,
+            self.clearcoat_roughness,
+            self.clearcoat_normal_scale,
+            self.anisotropy,
+            self.anisotropy_rotation_rad,
+            self.iridescence,
+            self.iridescence_ior,
+            self.iridescence_thickness_nm[0],
+            self.iridescence_thickness_nm[1],
+            self.diffuse_transmission,
+            self.sheen_roughness,
+        ];
+        colors.iter().all(|color| color.is_finite()) && factors.iter().all(|factor| factor.is_finite())
+    }
+}
+
 impl Default for Material {
     fn default() -> Self {
         Material {
