@@ -8,6 +8,7 @@
 
 mod background;
 pub mod checkpoint;
+#[doc(hidden)]
 pub mod identity;
 pub mod memory;
 pub mod merge;
@@ -18,6 +19,7 @@ mod renderer;
 mod result;
 mod saved;
 mod schedule;
+#[doc(hidden)]
 pub mod stopping;
 mod tile;
 mod workers;

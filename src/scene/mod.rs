@@ -13,6 +13,7 @@ use crate::texture::stored::Tiles;
 pub mod builder;
 pub mod camera;
 mod fold;
+#[doc(hidden)]
 pub mod geometry;
 pub mod gltf;
 pub mod ids;
@@ -22,6 +23,7 @@ pub mod material;
 pub mod motion;
 pub mod orbit;
 mod studio;
+#[doc(hidden)]
 pub mod validate;
 
 pub use crate::texture::decode::Decoder;
@@ -100,6 +102,15 @@ pub struct Dropped {
 }
 
 /// A loaded scene.
+///
+/// ```
+/// use pathspace::Scene;
+///
+/// let scene = Scene::load("scenes/cornell-box/scene.gltf")?;
+/// assert_eq!((scene.cameras.len(), scene.triangle_count()), (1, 32));
+/// assert!(scene.warnings.is_empty());
+/// # Ok::<(), pathspace::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// The file it came from; empty for scenes made in code.

@@ -13,11 +13,16 @@
 //! Limits: flat, untextured Lambert surfaces, emissive triangles as the only light. Everything else is refused by name.
 
 pub mod check;
+#[doc(hidden)]
 pub mod compare;
+#[doc(hidden)]
 pub mod form_factor;
+#[doc(hidden)]
 pub mod gather;
+#[doc(hidden)]
 pub mod operator;
 mod options;
+#[doc(hidden)]
 pub mod patches;
 
 pub use check::{Solution, Verification, solve, verify};

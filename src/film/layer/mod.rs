@@ -13,6 +13,7 @@ pub mod bounces;
 pub mod coverage;
 pub mod depth;
 pub mod geometric_normal;
+#[doc(hidden)]
 pub mod kind;
 pub mod normal;
 pub mod position;
