@@ -80,13 +80,13 @@ fn attributes_and_channels_are_those_of_the_contract() {
 
     let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
     let bounces = (0..15).map(|k| format!("bounce_{k:02}")).chain(["bounce_tail".into()]);
-    let mut expected: Vec<String> = ["variance", "stderr", "albedo"]
+    let mut expected: Vec<String> = ["variance", "stderr", "albedo", "background"]
         .map(String::from)
         .into_iter()
         .chain(bounces)
         .flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}.{c}")))
         .chain(["R", "G", "B", "A", "spp.Y", "Z", "N.X", "N.Y", "N.Z", "Ng.X", "Ng.Y", "Ng.Z"].map(String::from))
-        .chain(["P.X", "P.Y", "P.Z", "UV.U", "UV.V"].map(String::from))
+        .chain(["P.X", "P.Y", "P.Z", "UV.U", "UV.V", "coverage.Y"].map(String::from))
         .collect();
     expected.sort();
     assert_eq!(names, expected);

@@ -92,11 +92,8 @@ fn r05_resume_and_split_runs() {
         case.bits(format!("{}, merged, counters", mode.name), usize::from(first.counters != whole.counters));
     }
     // What cannot be gone on with is refused.
-    let targets = [options(8, 9, 4), options(8, 8, 4).error(0.1)];
-    let taken = targets.into_iter().filter(|target| {
-        let earlier = render(&scene, options(8, 8, 2));
-        Renderer::new(&scene, target.clone()).expect("valid options").resume(earlier).is_ok()
-    });
-    case.count("another size, an error target: resumed", 0, taken.count() as u64);
+    let earlier = render(&scene, options(8, 8, 2));
+    let taken = Renderer::new(&scene, options(8, 9, 4)).expect("valid options").resume(earlier).is_ok();
+    case.count("another size: resumed", 0, u64::from(taken));
     case.close();
 }
