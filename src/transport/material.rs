@@ -328,6 +328,7 @@ fn look_up_extended(
         None => place.texel(world, slot),
     };
     let unit = |factor: f32| factor.clamp(0.0, 1.0);
+    let color = |factor: Vec3| factor.clamp(Vec3::ZERO, Vec3::ONE);
     let boundary = &mut extended.boundary;
     boundary.transmission = unit(boundary.transmission * texel(material.transmission_texture).x);
     boundary.specular = unit(boundary.specular * texel(material.specular_texture).w);
@@ -335,7 +336,7 @@ fn look_up_extended(
     extended.glossiness = texel(material.glossiness_texture).w;
     extended.clearcoat = unit(extended.clearcoat * texel(material.clearcoat_texture).x);
     extended.clearcoat_roughness = unit(extended.clearcoat_roughness * texel(material.clearcoat_roughness_texture).y);
-    extended.sheen_color *= texel(material.sheen_color_texture).truncate();
+    extended.sheen_color = color(extended.sheen_color * texel(material.sheen_color_texture).truncate());
     extended.sheen_roughness = unit(extended.sheen_roughness * texel(material.sheen_roughness_texture).w);
     extended.film.weight = unit(extended.film.weight * texel(material.iridescence_texture).x);
     if material.iridescence_thickness_texture.is_some() {
@@ -344,7 +345,8 @@ fn look_up_extended(
     }
     let fraction = extended.diffuse_transmission * texel(material.diffuse_transmission_texture).w;
     extended.diffuse_transmission = unit(fraction);
-    extended.diffuse_transmission_color *= texel(material.diffuse_transmission_color_texture).truncate();
+    let through = texel(material.diffuse_transmission_color_texture).truncate();
+    extended.diffuse_transmission_color = color(extended.diffuse_transmission_color * through);
     if material.clearcoat_normal_texture.is_some() {
         let map = texel(material.clearcoat_normal_texture).truncate();
         let tilted = tilted(world, rays, (n, vertices.side[i]), i, (map, material.clearcoat_normal_scale));

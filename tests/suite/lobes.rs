@@ -1,10 +1,10 @@
 //! Layers and lobes of extensions in the transport: every strategy finds the same light by them, and paths of one
 //! wavelength see what all wavelengths see on average.
 
-use glam::Vec3;
+use glam::{Affine3A, Vec2, Vec3};
 use pathspace::plan::options::{RenderOptions, Strategy};
 use pathspace::scene::builder::SceneBuilder;
-use pathspace::scene::{Environment, Material, Scene};
+use pathspace::scene::{ColorSpace, Environment, Material, Mesh, Scene, Texture, TextureId, TextureSlot, Wrap};
 use pathspace::shading::bsdf::fresnel;
 use pathspace::shading::dispersion;
 
@@ -119,4 +119,73 @@ fn wavelengths_average_to_channels() {
         let limit = Z * clear.standard_error(c) + 2e-3;
         assert!((clear.mean[c] - 1.0).abs() <= limit, "{c}: {} ± {}", clear.mean[c], clear.standard_error(c));
     }
+}
+
+/// A smooth clearcoat over what light passes, seen along the normal in a furnace of radiance 1. C = 0.04 is what it
+/// reflects there. A slab of glass of reflectance R = 0.04 a face has the radiance 1 − C inside, and shows C + (1 −
+/// C)(R + (1 − R)(1 − C)). A white leaf shows 1 in front; from behind what the layer on the far side leaves of an even
+/// light, 1 − (C + (1 − C)/21) (Schlick's average).
+#[test]
+fn light_leaves_through_a_clearcoat() {
+    let coat = 0.04;
+    let leaves = 1.0 - coat;
+    let furnace = |material: Material, thick: bool| {
+        let mut b = SceneBuilder::new();
+        let material = b.material(Material { metallic: 0.0, clearcoat: 1.0, ..material });
+        if thick {
+            b.cuboid(Vec3::new(-99.0, -99.0, -1.0), Vec3::new(99.0, 99.0, 0.0), false, material);
+        } else {
+            b.quad([[-9., -9., 0.], [9., -9., 0.], [9., 9., 0.], [-9., 9., 0.]].map(Vec3::from), material);
+        }
+        b.environment(Environment::constant(Vec3::ONE));
+        b.build()
+    };
+    let glass = furnace(Material { roughness: 0.0, transmission: 1.0, thickness: 1.0, ..Material::default() }, true);
+    let leaf = furnace(Material { specular: 0.0, diffuse_transmission: 1.0, ..Material::default() }, false);
+    let through_glass = coat + leaves * (coat + (1.0 - coat) * leaves);
+    for (what, scene, z, expected) in [
+        ("glass", &glass, 1.0, through_glass),
+        ("leaf", &leaf, 1.0, 1.0),
+        ("leaf from behind", &leaf, -1.0, 1.0 - (coat + leaves / 21.0)),
+    ] {
+        let options: RenderOptions = options(1, 1, 16);
+        let seen = probe(scene, Vec3::new(0.1, 0.2, z), Vec3::new(0.0, 0.0, -z), 2304, options);
+        seen.expect(what, expected, 2e-3, 2e-2);
+    }
+}
+
+/// A float texture brighter than 1 makes no leaf that passes on more than it gets: a white one shows 1 in a furnace of
+/// radiance 1.
+#[test]
+fn bright_textures_make_no_light() {
+    let mut b = SceneBuilder::new();
+    let leaf = b.material(Material {
+        metallic: 0.0,
+        specular: 0.0,
+        diffuse_transmission: 1.0,
+        diffuse_transmission_color_texture: Some(TextureSlot { texture: TextureId(0), uv_set: 0 }),
+        ..Material::default()
+    });
+    let mesh = b.full_mesh(Mesh {
+        positions: [[-9., -9., 0.], [9., -9., 0.], [9., 9., 0.], [-9., 9., 0.]].map(Vec3::from).to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        uvs: Some(vec![Vec2::splat(0.5); 4]),
+        material: leaf,
+        ..Mesh::default()
+    });
+    b.place(mesh, Affine3A::IDENTITY);
+    b.environment(Environment::constant(Vec3::ONE));
+    let mut scene = b.build();
+    scene.textures.push(Texture {
+        name: "bright".into(),
+        width: 1,
+        height: 1,
+        texels: vec![[4.0, 4.0, 4.0, 1.0f32]].into(),
+        color_space: ColorSpace::Linear,
+        wrap_u: Wrap::Repeat,
+        wrap_v: Wrap::Repeat,
+        bilinear: true,
+    });
+    let seen = probe(&scene, Vec3::new(0.1, 0.2, 1.0), Vec3::NEG_Z, 1024, options(1, 1, 4));
+    seen.expect("leaf", 1.0, 1e-3, 2e-2);
 }

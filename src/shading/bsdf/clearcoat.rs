@@ -125,7 +125,9 @@ impl<'t> Bsdf<'t> for Clearcoat<'t> {
         // Until now the layer's frame held its normal and the grain in the world.
         let Frame { t: tangent, n, .. } = self.frame;
         self.base.base.orient(frame, tangent);
-        *self = self.with_normal(frame.to_local(n));
+        // It is on the viewer's side; the frame of a surface that transmits points outwards.
+        let n = frame.to_local(n);
+        *self = self.with_normal(if self.outward() && n.z < 0.0 { -n } else { n });
     }
 
     #[inline(always)]
