@@ -108,21 +108,36 @@ impl Media {
     }
 }
 
-/// Fraction of light left after `distance_m` inside a solid of this material.
+/// Fraction of light left after `distance_m`, which may be infinite, inside a solid of this material.
 pub fn transmittance(material: &Material, distance_m: f32) -> Vec3 {
     let exponent = distance_m / material.attenuation_distance_m;
     let c = material.attenuation_color;
-    if exponent == 0.0 { Vec3::ONE } else { Vec3::new(c.x.powf(exponent), c.y.powf(exponent), c.z.powf(exponent)) }
-}
-
-/// Whether a solid of this material lets nothing through to infinity.
-pub fn absorbs_fully(material: &Material) -> bool {
-    transmittance(material, f32::MAX) == Vec3::ZERO
+    // Rounding makes ways below 0; an infinite way over an infinite distance is none.
+    if exponent > 0.0 { Vec3::new(c.x.powf(exponent), c.y.powf(exponent), c.z.powf(exponent)) } else { Vec3::ONE }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Beer and Lambert at the ends of their range, infinite ways and distances among them. Oracle: by hand.
+    #[test]
+    fn ways_without_end_absorb_by_channel() {
+        let of = |attenuation_distance_m: f32| Material {
+            attenuation_distance_m,
+            attenuation_color: Vec3::new(0.0, 0.5, 1.0),
+            ..Material::default()
+        };
+        let (half, clear) = (of(2.0), of(f32::INFINITY));
+        assert_eq!(transmittance(&half, 4.0), Vec3::new(0.0, 0.25, 1.0));
+        assert_eq!(transmittance(&half, f32::INFINITY), Vec3::Z);
+        for none in [0.0, -1e-6, -0.0] {
+            assert_eq!(transmittance(&half, none), Vec3::ONE, "{none}");
+        }
+        for way in [0.0, 1.0, f32::MAX, f32::INFINITY] {
+            assert_eq!(transmittance(&clear, way), Vec3::ONE, "{way}");
+        }
+    }
 
     /// Oracle: Schmidt and Budge by hand. 1 is a glass, 2 the wine in it, 3 an ice cube.
     #[test]

@@ -102,16 +102,16 @@ fn escape<T: Tape>(world: &World, wave: &mut Wave, (block, missed): (usize, u16)
     let radiance = light.lookup(&points, missed);
     for i in lanes_of(missed) {
         let weight = estimator::emission_weight(world.strategy, paths.last_pdf_sa[i], light_pdf[i]);
-        // Inside an absorbing solid the way to infinity absorbs everything.
-        let absorbs = world.features.media && !world.features.scattering;
-        let lost = absorbs && media::absorbs_fully(world, &wave.media[paths.slot[i] as usize]);
-        let weight = if lost { 0.0 } else { weight };
+        let mut arrives = get(&radiance, i);
+        if world.features.media {
+            arrives *= media::left_to_infinity(world, &wave.media[paths.slot[i] as usize]);
+        }
         if weight > 0.0 {
-            wave.sums.add(paths.slot[i], edge, get(&paths.beta, i) * get(&radiance, i) * weight);
+            wave.sums.add(paths.slot[i], edge, get(&paths.beta, i) * arrives * weight);
         }
         if T::ON && i == LANE {
             let path = Path::get(paths, i);
-            tape.note(|| emission::told(path.beta, get(&radiance, i), &path, [light_pdf[i], weight]));
+            tape.note(|| emission::told(path.beta, arrives, &path, [light_pdf[i], weight]));
         }
     }
 }

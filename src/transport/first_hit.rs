@@ -1,7 +1,7 @@
 //! What camera rays meet first, for the layers that show it: `film/layer` declares them, this page says what their
-//! values are. A mean is gathered from the samples of the picture themselves ([`gather`], between tracing and shading
-//! of the first edge); what belongs to the pixel's centre is traced once, before the pixel's first sample
-//! ([`centres`]). Renders without such layers pay one test a wave.
+//! values are. A mean is gathered from the samples of the picture themselves ([`gather`] and [`see_through`], between
+//! tracing and shading of the first edge); what belongs to the pixel's centre is traced once, before the pixel's first
+//! sample ([`centres`]). Renders without such layers pay a test or two a wave.
 
 use glam::Vec3;
 
@@ -13,11 +13,11 @@ use super::media;
 use super::pass_through;
 use super::wave::Wave;
 use crate::backend::Coherence;
-use crate::backend::batch::{Hit, LANES, RayHitBlock};
+use crate::backend::batch::{Hit, INVALID_ID, LANES, RayHitBlock};
 use crate::film::store::Plane;
+use crate::math::columns::get;
 use crate::plan::aov::{Aov, Gathers};
 use crate::shading::interaction::Interaction;
-use crate::shading::medium::Media;
 use crate::texture;
 
 /// What a ray meets first.
@@ -61,17 +61,11 @@ pub fn gather(job: &Job, wave: &mut Wave) {
     if values.is_empty() {
         return;
     }
-    let background = layers(job, Gathers::FirstHit).position(|aov| aov == Aov::BACKGROUND);
     for lane in 0..wave.current.len {
         let (block, i) = (lane / LANES, lane % LANES);
         let rays = &wave.current.rays[block];
         let slot = wave.current.paths[block].slot[i] as usize;
-        let Some(hit) = rays.hit(i) else {
-            if let Some(number) = background {
-                first_hits[slot * values.len() + number] = seen(job, rays.ray.dir(i), wave.media.get(slot)).into();
-            }
-            continue;
-        };
+        let Some(hit) = rays.hit(i) else { continue };
         let met = FirstHit::at(job, &hit, rays.ray.dir(i));
         for (sum, value) in first_hits[slot * values.len()..].iter_mut().zip(&values) {
             *sum = value(job, &met).into();
@@ -79,13 +73,41 @@ pub fn gather(job: &Job, wave: &mut Wave) {
     }
 }
 
-/// What a camera ray that meets nothing sees: as `classify` counts it.
-fn seen(job: &Job, dir: Vec3, media: Option<&Media>) -> Vec3 {
-    let Some(light) = job.world.lights.environment().filter(|_| job.world.features.environment) else {
-        return Vec3::ZERO;
-    };
-    let lost = media.is_some_and(|media| job.world.features.media && media::absorbs_fully(&job.world, media));
-    if lost { Vec3::ZERO } else { light.radiance(dir) }
+/// Writes down what the camera rays of `wave` see that meet no surface, once media have taken their share: the
+/// environment as `classify` counts it. What they pass covers what it does not let through, by the mean over channels;
+/// a medium that they collide in covers everything.
+#[inline(never)]
+pub fn see_through(job: &Job, wave: &mut Wave) {
+    let place = |wanted: Aov| layers(job, Gathers::FirstHit).position(|aov| aov == wanted);
+    let (background, coverage) = (place(Aov::BACKGROUND), place(Aov::COVERAGE));
+    if background.is_none() && coverage.is_none() {
+        return;
+    }
+    let (world, width) = (&job.world, layers(job, Gathers::FirstHit).count());
+    let environment = world.lights.environment().filter(|_| world.features.environment);
+    for lane in 0..wave.current.len {
+        let (block, i) = (lane / LANES, lane % LANES);
+        let (rays, paths) = (&wave.current.rays[block], &wave.current.paths[block]);
+        if rays.hit.geom[i] != INVALID_ID {
+            continue;
+        }
+        let slot = paths.slot[i] as usize;
+        let mut through = get(&paths.beta, i);
+        if let Some(around) = wave.media.get(slot) {
+            through *= media::left_to_infinity(world, around);
+        }
+        if wave.gone.get(block).is_some_and(|gone| gone >> i & 1 == 1) {
+            through = Vec3::ZERO;
+        }
+        let values = &mut wave.sums.first_hits[slot * width..];
+        if let Some(number) = background {
+            let radiance = environment.map_or(Vec3::ZERO, |light| light.radiance(rays.ray.dir(i)));
+            values[number] = (through * radiance).into();
+        }
+        if let Some(number) = coverage {
+            values[number] = [1.0 - through.element_sum() / 3.0; 3];
+        }
+    }
 }
 
 /// Traces the rays through the centres of `pixels` (full-image coordinates) as the shutter opens and puts what they
@@ -103,7 +125,7 @@ pub fn centres(job: &Job, pixels: &[(u32, u32)], planes: &mut [Plane], counters:
         block.tnear[lane % LANES] = job.camera.near();
     }
     counters.rays_camera += pixels.len() as u64;
-    job.backend.closest_hit(&mut rays, pixels.len(), Coherence::Coherent);
+    counters.invalid_rays += job.backend.closest_hit(&mut rays, pixels.len(), Coherence::Coherent);
     if job.world.features.alpha || job.world.features.boundaries {
         counters.rays_camera += pass_through::closest_of_centres(job, &mut rays, pixels.len(), counters);
     } else if job.world.features.coincident {

@@ -97,9 +97,10 @@ pub fn left(world: &World, stretch: &Stretch) -> Vec3 {
     coefficients(world, stretch.medium).transmittance(to - from)
 }
 
-/// Whether nothing gets to infinity through what is around a path.
-pub fn absorbs_fully(world: &World, media: &Media) -> bool {
-    material_of(world, media.top()).is_some_and(medium::absorbs_fully)
+/// Fraction of light left on the way to infinity from where a path leaves the scene; paths that scatter have travelled
+/// it already.
+pub fn left_to_infinity(world: &World, around: &Media) -> Vec3 {
+    if world.features.scattering { Vec3::ONE } else { transmittance(world, around.top(), f32::INFINITY) }
 }
 
 /// A boundary that light goes straight through.

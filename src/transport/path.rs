@@ -110,6 +110,9 @@ impl<S: Scheme, T: Tape> Kernel for Loop<'_, '_, S, T> {
             if world.features.scattering {
                 volume::run::<S, T>(job, wave, edge, counters, tape);
             }
+            if edge == 1 && world.features.first_hit {
+                first_hit::see_through(job, wave);
+            }
             classify::run(world, wave, edge, tape);
             counters.capped_paths += shade::run::<S, I, T>(world, wave, edge, tape);
             tape.note(|| Event::Gathered(wave.sums.gathered[0].radiance, edge - 1));

@@ -1,6 +1,6 @@
 //! `background.R/G/B`: radiance of the environment where camera rays see it with nothing before it but what they pass
-//! through; mean over the pixel filter. The beauty less this layer is the scene without its background, premultiplied
-//! by `coverage.Y`.
+//! through, which takes its share; mean over the pixel filter. The beauty less this layer is the scene without its
+//! background, premultiplied by `coverage.Y`.
 
 use super::kind::{Layer, Values, rgb};
 use crate::plan::aov::{Aov, Gathers};

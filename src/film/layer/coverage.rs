@@ -1,5 +1,6 @@
-//! `coverage.Y`: share of the pixel that surfaces cover, mean over the pixel filter. `A` of the beauty counts an
-//! environment that is seen as well; this layer does not.
+//! `coverage.Y`: share of the pixel that surfaces and media cover, mean over the pixel filter; of what is passed
+//! through, the share that it takes, by the mean over channels. `A` of the beauty counts an environment that is seen as
+//! well; this layer does not.
 
 use super::kind::{Layer, Values, components};
 use crate::plan::aov::{Aov, Gathers};
