@@ -66,7 +66,7 @@ impl Scene {
     }
 
     /// The same file at another time: as [`load_with`](Self::load_with), where `earlier` was loaded from `path` under
-    /// options that differ in the shutter alone. Materials, textures and environment are not read again but shared.
+    /// options that differ in the shutter alone. Textures and environment are not read again but shared.
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -90,11 +90,11 @@ impl Scene {
         references::check(&document)?;
         let mut motion =
             Motion { shutter: options.shutter, animations: animation::spans(&document)?, ..Motion::default() };
-        let mut same_materials = earlier;
+        let mut same_textures = earlier;
         if let Some(shutter) = options.shutter {
             let pointed = animation::pointed(&document, animation, &moving::times_s(shutter))?;
-            // What is animated besides nodes may be materials and what is visible of them.
-            same_materials = earlier.filter(|_| pointed.is_empty());
+            // What is animated besides nodes may be what is visible, and so which textures are read.
+            same_textures = earlier.filter(|_| pointed.is_empty());
             motion.unmoved = khr_animation_pointer::apply(&mut document, pointed);
         }
         let timeline = Timeline {
@@ -156,12 +156,14 @@ impl Scene {
             });
             document.warn("/cameras", "the scene has no camera; one that sees all of it is added");
         }
-        if let Some(earlier) = same_materials {
-            (scene.materials, scene.textures) = (earlier.materials.clone(), earlier.textures.clone());
-        } else {
-            scene.materials = materials.materials;
-            scene.textures = materials.textures.decode(&document, options)?;
-            scene.fold_constant_textures();
+        // Materials are numbered as meshes ask for them, which the pose may change; textures as the file lists them.
+        scene.materials = materials.materials;
+        scene.textures = match same_textures {
+            Some(earlier) => earlier.textures.clone(),
+            None => materials.textures.decode(&document, options)?,
+        };
+        scene.fold_constant_textures();
+        if same_textures.is_none() {
             scene.weave_textures();
         }
         let copies = geometry::copied_lamps(&scene);

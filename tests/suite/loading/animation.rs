@@ -394,3 +394,59 @@ fn mutated_motions_never_panic() {
     println!("{moving} move, {unmoved} cannot be shown, {refused} are refused");
     assert!(moving > 300 && refused > 100 && unmoved > 30, "{moving} move, {unmoved} not, {refused} refused");
 }
+
+/// The frames of a sequence, which share textures, are what each is by itself, though materials are numbered by the
+/// pose: colours that a morph target paints, and two coloured props in materials of their own that joints of scale 0
+/// hide in turn. Oracle: a fresh load. Deterministic.
+#[test]
+fn later_frames_have_their_own_materials() {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let held_to_fresh_loads = |fixture: &Fixture, shown: [&[(&str, bool)]; 2]| {
+        let path = fixture.write(directory.path());
+        let at = |time_s| LoadOptions::default().shutter(Shutter::new(time_s, time_s).expect("a time"));
+        for order in [[0, 1], [1, 0]] {
+            let times = order.map(|frame| at(frame as f64));
+            let first = Scene::load_with(&path, &times[0]).unwrap_or_else(|e| panic!("{e}"));
+            let again = Scene::load_again(&path, &times[1], &first).unwrap_or_else(|e| panic!("{e}"));
+            let fresh = Scene::load_with(&path, &times[1]).unwrap_or_else(|e| panic!("{e}"));
+            for scene in [&again, &fresh] {
+                let materials = scene.instances.iter().map(|instance| {
+                    let material = &scene.materials[scene.material_of(instance).index()];
+                    (material.name.as_str(), material.vertex_colors)
+                });
+                assert_eq!(materials.collect::<Vec<_>>(), shown[order[1]]);
+            }
+            assert_eq!((again.materials, again.meshes.len()), (fresh.materials, fresh.meshes.len()));
+        }
+    };
+
+    let mut painted = animated("weights", "LINEAR", &[0.0, 1.0], &[0.0, 1.0], "SCALAR");
+    let white = painted.floats(&[1.0; 16], "VEC4");
+    let paint = painted.floats(&[-0.5, 0.0, 0.0, 0.0].repeat(4), "VEC4");
+    let painted = painted
+        .set("/meshes/0/primitives/0/attributes/COLOR_0", white.into())
+        .set("/meshes/0/primitives/0/targets", json!([{"COLOR_0": paint}]));
+    held_to_fresh_loads(&painted, [&[("plain", false)], &[("plain", true)]]);
+
+    let mut props = Fixture::quad();
+    let colors = props.floats(&[0.5; 16], "VEC4");
+    let joints = props.accessor(&[0; 16], 5121, "VEC4", 4);
+    let weights = props.floats(&[1.0, 0.0, 0.0, 0.0].repeat(4), "VEC4");
+    let mut primitive = props.json["meshes"][0]["primitives"][0].clone();
+    for (name, accessor) in [("COLOR_0", colors), ("JOINTS_0", joints), ("WEIGHTS_0", weights)] {
+        primitive["attributes"][name] = accessor.into();
+    }
+    let mut other = primitive.clone();
+    other["material"] = 1.into();
+    let mut props = props
+        .set("/materials", json!([{"name": "first"}, {"name": "second"}]))
+        .set("/meshes", json!([{"primitives": [primitive]}, {"primitives": [other]}]))
+        .set("/skins", json!([{"joints": [3]}, {"joints": [4]}]))
+        .set("/scenes/0/nodes", json!([0, 1, 2, 3, 4]));
+    let nodes = props.json["nodes"].as_array_mut().expect("an array");
+    nodes[0]["skin"] = 0.into();
+    nodes.extend([json!({"mesh": 1, "skin": 1}), json!({}), json!({})]);
+    add_animation(&mut props, 3, "scale", "STEP", (&[0.0, 1.0], &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0], "VEC3"));
+    add_animation(&mut props, 4, "scale", "STEP", (&[0.0, 1.0], &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], "VEC3"));
+    held_to_fresh_loads(&props, [&[("second", true)], &[("first", true)]]);
+}
