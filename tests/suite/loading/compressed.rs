@@ -73,6 +73,27 @@ fn draco_streams_hold_the_same_models() {
 }
 
 #[cfg(feature = "draco")]
+/// Of a stream's attributes those are unpacked that the primitive names. Oracle: one that the stream lacks is missed by
+/// its name alone.
+#[test]
+fn draco_attributes_are_unpacked_by_name() {
+    let Some(shared) = shared("names in Draco streams") else { return };
+    let folder = shared.join("assets/khronos/RiggedSimple/glTF-Draco");
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    std::fs::copy(folder.join("RiggedSimple0.bin"), directory.path().join("RiggedSimple0.bin")).expect("the stream");
+    let text = std::fs::read(folder.join("RiggedSimple.gltf")).expect("the model");
+    let mut json: serde_json::Value = serde_json::from_slice(&text).expect("JSON");
+    let mut load_it = |at: &str, value: usize| {
+        json["meshes"][0]["primitives"][0].pointer_mut(at).expect("an object")["COLOR_0"] = value.into();
+        load(&write(directory.path(), "scene.gltf", json.to_string().as_bytes()))
+    };
+    let stream = "/extensions/KHR_draco_mesh_compression/attributes";
+    load_it(stream, 99).unwrap_or_else(|e| panic!("{e}"));
+    let error = load_it("/attributes", 0).expect_err("a missing attribute");
+    assert!(error.to_string().contains(&format!("{stream}/COLOR_0")), "{error}");
+}
+
+#[cfg(feature = "draco")]
 /// Streams with bits flipped or cut end in an error or a scene. Oracle: no panic; what is refused says what was
 /// expected. The seeds are fixed.
 #[test]

@@ -57,32 +57,42 @@ pub(crate) fn decode(document: &Document, primitive: &str) -> Result<Option<Deco
     let decoded = MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh);
     decoded.map_err(|reason| document.error(&view, format!("expected a Draco mesh, found {reason}")))?;
 
+    document.unpack(12 * mesh.num_faces() as u64, &pointer)?;
     let indices = mesh.faces().iter().flatten().flat_map(|point| point.0.to_le_bytes()).collect();
     let mut attributes = HashMap::new();
     let listed = document.value(&format!("{pointer}/attributes")).and_then(Value::as_object);
-    for (semantic, id) in listed.into_iter().flatten() {
+    let named = document.value(&format!("{primitive}/attributes")).and_then(Value::as_object);
+    // Others are never read. One attribute may be listed under many names, and is gathered for each.
+    let is_named = |semantic: &String| named.is_some_and(|named| named.contains_key(semantic));
+    for (semantic, id) in listed.into_iter().flatten().filter(|(semantic, _)| is_named(semantic)) {
         let at = format!("{pointer}/attributes/{semantic}");
         let id = document.index(id, &at)?;
-        let attribute = u32::try_from(id).ok().and_then(|id| mesh.attribute_by_unique_id(id));
-        let values = attribute.and_then(|attribute| gather(attribute, mesh.num_points()));
         let missing = || document.error(&at, format!("expected an attribute of the stream in {view}, found {id}"));
-        attributes.insert(semantic.clone(), values.ok_or_else(missing)?);
+        let attribute = u32::try_from(id).ok().and_then(|id| mesh.attribute_by_unique_id(id)).ok_or_else(missing)?;
+        let kind = kind(attribute).ok_or_else(missing)?;
+        let size = usize::from(attribute.num_components()) * kind.size();
+        document.unpack((mesh.num_points() as u64).saturating_mul(size as u64), &at)?;
+        let values = gather(attribute, kind, mesh.num_points()).ok_or_else(missing)?;
+        attributes.insert(semantic.clone(), values);
     }
-    document.unpack(12 * mesh.num_faces() as u64, &pointer)?;
     Ok(Some(Decoded { indices, attributes }))
 }
 
-/// The values of `points` points, one after the other; `None` of types that glTF does not have.
-fn gather(attribute: &PointAttribute, points: usize) -> Option<Values> {
-    let kind = match attribute.data_type() {
-        DataType::Int8 => ComponentType::I8,
-        DataType::Uint8 => ComponentType::U8,
-        DataType::Int16 => ComponentType::I16,
-        DataType::Uint16 => ComponentType::U16,
-        DataType::Uint32 => ComponentType::U32,
-        DataType::Float32 => ComponentType::F32,
-        _ => return None,
-    };
+/// Type of an attribute's components; `None` of those that glTF does not have.
+fn kind(attribute: &PointAttribute) -> Option<ComponentType> {
+    match attribute.data_type() {
+        DataType::Int8 => Some(ComponentType::I8),
+        DataType::Uint8 => Some(ComponentType::U8),
+        DataType::Int16 => Some(ComponentType::I16),
+        DataType::Uint16 => Some(ComponentType::U16),
+        DataType::Uint32 => Some(ComponentType::U32),
+        DataType::Float32 => Some(ComponentType::F32),
+        _ => None,
+    }
+}
+
+/// The values of `points` points, one after the other; `None` if the stream does not hold them.
+fn gather(attribute: &PointAttribute, kind: ComponentType, points: usize) -> Option<Values> {
     let components = usize::from(attribute.num_components());
     let (size, stride) = (components * kind.size(), usize::try_from(attribute.byte_stride()).ok()?);
     let data = attribute.buffer().data();
