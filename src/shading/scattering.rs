@@ -62,7 +62,8 @@ impl Coefficients {
         }
         let sum = beta.x + beta.y + beta.z;
         let p = if sum > 0.0 && sum.is_finite() { beta / sum } else { Vec3::splat(1.0 / 3.0) };
-        let channel = usize::from(u[0] >= p.x) + usize::from(u[0] >= p.x + p.y);
+        // The sum may be rounded to below 1: a channel of probability 0 is not chosen for it.
+        let channel = usize::from(u[0] >= p.x) + usize::from(u[0] >= p.x + p.y && p.z > 0.0);
         let distance_m = -(1.0 - u[1]).ln() / self.sigma_t[channel];
         if distance_m < length_m {
             let left = self.transmittance(distance_m);
@@ -120,4 +121,27 @@ pub fn sample_phase(g: f32, dir: Vec3, u: [f32; 2]) -> (Vec3, f32) {
     let (s, t) = dir.any_orthonormal_pair();
     let wi = (s * (sin * cos_phi) + t * (sin * sin_phi) + dir * cos).normalize();
     (wi, phase(g, cos))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A blue that a path does not carry, and that a medium lets through, is not chosen by rounding: the path collides
+    /// with certainty on an infinite way. Oracle: that.
+    #[test]
+    fn channels_without_a_share_are_not_chosen() {
+        let medium = Coefficients::new(Vec3::new(1.0, 1.0, 0.0), Vec3::splat(0.5), 0.0);
+        let last = 1.0 - f32::EPSILON / 2.0;
+        let mut rounded = 0;
+        for red in 1..997 {
+            let beta = Vec3::new(red as f32 * 0.1, 1.0, 0.0);
+            let sum = beta.x + beta.y;
+            rounded += u32::from(beta.x / sum + beta.y / sum < 1.0);
+            let travel = medium.travel(beta, f32::INFINITY, [last, 0.5]);
+            let Travel::Collides { distance_m, weight } = travel else { panic!("{beta}: {travel:?}") };
+            assert!((distance_m - 0.5f32.ln().abs()).abs() < 1e-6 && weight.x > 0.0, "{beta}: {travel:?}");
+        }
+        assert!(rounded > 0, "sums that are rounded below 1 are tried");
+    }
 }
