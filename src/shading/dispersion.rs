@@ -32,9 +32,13 @@ pub fn weight(wavelength_nm: f32) -> Vec3 {
     Vec3::from(BANDS.map(channel))
 }
 
-/// Index of refraction at a wavelength of a solid of index `ior` at 587.6 nm; at least 1.
+/// Index of refraction at a wavelength of a solid of index `ior` at 587.6 nm; at least 1. glTF's 0, which is infinite,
+/// is the same at all.
 #[inline(always)]
 pub fn index(ior: f32, dispersion: f32, wavelength_nm: f32) -> f32 {
+    if ior < 1.0 {
+        return ior;
+    }
     let inverse_abbe = dispersion / 20.0;
     (ior + (ior - 1.0) * inverse_abbe * (523_655.0 / (wavelength_nm * wavelength_nm) - 1.5168)).max(1.0)
 }
@@ -52,6 +56,8 @@ mod tests {
         for dispersion in [0.1, 0.36, 2.0] {
             let [f, d, c] = [486.13, 587.56, 656.27].map(|line| index(1.6, dispersion, line));
             assert!((d - 1.6).abs() < 1e-4, "{d}");
+            // An infinite index is one, whatever the wavelength.
+            assert_eq!(index(0.0, dispersion, 400.0), 0.0);
             assert!(((d - 1.0) / (f - c) - 20.0 / dispersion).abs() < 1e-2 * 20.0 / dispersion, "{f} {d} {c}");
         }
     }

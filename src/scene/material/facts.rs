@@ -309,10 +309,10 @@ impl Material {
         Facts::of(self).reflectance_bound
     }
 
-    /// Whether light of different wavelengths goes different ways: solids alone do that.
+    /// Whether light of different wavelengths goes different ways: solids alone do that, of a finite index.
     #[inline(always)]
     pub fn disperses(&self) -> bool {
-        self.dispersion > 0.0 && self.thickness > 0.0 && self.transmission > 0.0
+        self.dispersion > 0.0 && self.thickness > 0.0 && self.transmission > 0.0 && self.ior >= 1.0
     }
 
     /// Whether there is sheen: fibres of some colour, rough enough to reflect but at the horizon.
