@@ -170,15 +170,17 @@ fn decode_exr(bytes: &[u8]) -> Result<Image, String> {
     use exr::prelude::*;
     /// Columns, and texels, which are made when the size is known.
     type Texels = (usize, Vec<[f32; 4]>);
-    fn texels(size: Vec2<usize>) -> Texels {
-        (size.0, vec![[0.0, 0.0, 0.0, 1.0]; size.area()])
-    }
     fn put((width, all): &mut Texels, at: Vec2<usize>, texel: [f32; 4]) {
-        all[at.1 * *width + at.0] = texel;
+        if let Some(place) = all.get_mut(at.1 * *width + at.0) {
+            *place = texel;
+        }
     }
     let header =
         header(bytes, bytes.len() as u64).map_err(|reason| format!("expected a valid OpenEXR, found {reason}"))?;
     exr_texels(&header, bytes.len() as u64)?;
+    // The first part was judged by its size. If it is a later one that has the channels, there is room for as much.
+    let judged = Vec2(header.data.width() as usize, header.data.height() as usize);
+    let texels = |size: Vec2<usize>| (size.0, vec![[0.0, 0.0, 0.0, 1.0]; if size == judged { size.area() } else { 0 }]);
     let file = Cursor::new(bytes);
     let (size, all) = if header.has_rgb() || !header.has("Y") {
         let read = read()
@@ -208,5 +210,41 @@ fn decode_exr(bytes: &[u8]) -> Result<Image, String> {
         let layer = read.from_buffered(file).map_err(exr_broken)?.layer_data;
         (layer.size, layer.channel_data.pixels.1)
     };
+    if size != judged {
+        return Err(format!(
+            "expected OpenEXR whose first part has channels R, G and B, or Y, found another part with them, of {} × {}",
+            size.0, size.1
+        ));
+    }
     Ok(super::image::Image { width: size.0, height: size.1, texels: all.into(), integers: false })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Files of two parts, the first without a colour: the second is decoded where it is as large as the first, which
+    /// was judged, and refused where it is not. Oracle: the texels that were written.
+    #[test]
+    fn later_parts_are_no_larger_than_was_judged() {
+        let file = |size: (usize, usize)| {
+            use exr::prelude::*;
+            let part = |part: &str, size: (usize, usize), names: &[&str]| {
+                let channel = |name: &&str| AnyChannel::new(*name, FlatSamples::F32(vec![0.5; size.0 * size.1]));
+                let channels = AnyChannels::sort(names.iter().map(channel).collect());
+                Layer::new(size, LayerAttributes::named(part), Encoding::UNCOMPRESSED, channels)
+            };
+            let parts = vec![part("depth", (4, 2), &["Z"]), part("color", size, &["R", "G", "B"])];
+            let mut bytes = Vec::new();
+            let image = Image::from_layers(ImageAttributes::new(IntegerBounds::from_dimensions((4, 2))), parts);
+            image.write().to_buffered(Cursor::new(&mut bytes)).expect("valid parts");
+            bytes
+        };
+        let image = decode_exr(&file((4, 2))).expect("a part as large as the first");
+        assert_eq!((image.width, image.height, image.texels.constant()), (4, 2, Some([0.5, 0.5, 0.5, 1.0])));
+        for other in [(8, 8), (2, 4), (1, 1)] {
+            let problem = decode_exr(&file(other)).err().unwrap_or_default();
+            assert!(problem.contains("first part"), "{other:?}: {problem}");
+        }
+    }
 }
