@@ -107,7 +107,7 @@ impl Vertices {
     pub fn truncate(&self, world: &World, paths: &PathBlock, sums: &mut Sums) -> u64 {
         let mut ended = 0;
         for i in (0..LANES).filter(|&i| self.active[i] != 0) {
-            let bound = world.scene.materials[self.material[i] as usize].reflectance_bound();
+            let bound = world.reflectance_bounds[self.material[i] as usize];
             sums.truncated.add(get(&self.beta, i) * bound * paths.eta_scale[i]);
             ended += 1;
         }

@@ -31,6 +31,8 @@ pub struct MaterialTables {
     clear: Vec<Option<Vec3>>,
     /// What the inside of each material does to light.
     coefficients: Vec<Coefficients>,
+    /// The most that each material reflects.
+    reflectance_bounds: Vec<Vec3>,
     /// Directional albedo of dielectric coats; empty when no material has one.
     albedo: SpecularAlbedo,
     /// Directional albedo of sheen; empty when no material has it.
@@ -46,6 +48,7 @@ impl MaterialTables {
             alpha: AlphaTable::new(scene),
             clear: scene.materials.iter().map(clear).collect(),
             coefficients: scene.materials.iter().map(Coefficients::of).collect(),
+            reflectance_bounds: scene.materials.iter().map(Material::reflectance_bound).collect(),
             albedo: SpecularAlbedo::for_materials(&scene.materials),
             sheen: SheenAlbedo::for_materials(&scene.materials),
         };
@@ -89,6 +92,8 @@ pub struct World<'a> {
     pub clear: &'a [Option<Vec3>],
     /// What the inside of each material does to light; read where media scatter.
     pub coefficients: &'a [Coefficients],
+    /// The most that each material reflects, see [`Facts::reflectance_bound`]; read where the depth limit ends paths.
+    pub reflectance_bounds: &'a [Vec3],
     /// What is where no solid is.
     pub fog: Option<FogSphere>,
     /// What scattering models look up.
@@ -128,6 +133,7 @@ impl<'a> World<'a> {
             alpha: &tables.alpha,
             clear: &tables.clear,
             coefficients: &tables.coefficients,
+            reflectance_bounds: &tables.reflectance_bounds,
             fog: plan.fog,
             tables: if features.sheen { plain.with_sheen(&tables.sheen) } else { plain },
             only_area: lights.only_area(),
