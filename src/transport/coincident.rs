@@ -69,21 +69,19 @@ fn choose(world: &World, hit: Hit, dir: Vec3, partners: &[u32], is_passed: &dyn 
     let (u, v) = (f64::from(hit.u), f64::from(hit.v));
     let p = a * (1.0 - u - v) + b * u + c * v;
 
-    let mut met = Face::new(world, hit, dir);
-    let others = partners.iter().filter_map(|&record| {
-        let (u, v) = weights(p, corners(&geometry.triangles[record as usize]))?;
-        Some(Hit { u, v, prim: record - first, ..hit })
-    });
-    let others: Vec<Face> =
-        others.filter(|other| !is_passed(other)).map(|other| Face::new(world, other, dir)).collect();
-    let own = met;
-    for other in &others {
-        if other.order() > met.order() {
-            met = *other;
-        }
-    }
-    let solids = others.iter().chain([&own]).filter(|other| other.solid != NO_SOLID && other.solid != met.solid);
-    let touching = solids.max_by_key(|other| other.order());
+    let own = Face::new(world, hit, dir);
+    // Worked out twice rather than kept: a hit allocates nothing.
+    let faces = || {
+        let others = partners.iter().filter_map(|&record| {
+            let (u, v) = weights(p, corners(&geometry.triangles[record as usize]))?;
+            let other = Hit { u, v, prim: record - first, ..hit };
+            (!is_passed(&other)).then(|| Face::new(world, other, dir))
+        });
+        others.chain([own])
+    };
+    let met = faces().max_by_key(Face::order).unwrap_or(own);
+    let solids = faces().filter(|face| face.solid != NO_SOLID && face.solid != met.solid);
+    let touching = solids.max_by_key(Face::order);
     let touching = touching.map(|other| (other.hit, Boundary { solid: other.solid, entering: other.fronts }));
     Met { hit: met.hit, touching }
 }
