@@ -162,6 +162,19 @@ fn unclear_media(asked: &Asked) -> Vec<String> {
         let solid = &geometry.solids.list()[first as usize];
         found.push(format!("whether the camera is within '{}' is not clear: it is taken as outside", name(solid)));
     }
+    let places = asked.camera_places();
+    let before = geometry.solids_around(places[0]).0;
+    let changed = places[1..].iter().find_map(|&place| {
+        let now = geometry.solids_around(place).0;
+        before.iter().chain(&now).copied().find(|solid| before.contains(solid) != now.contains(solid))
+    });
+    if let Some(solid) = changed {
+        found.push(format!(
+            "all camera rays begin in the media around the camera as the shutter opens; on its way it passes the \
+             boundary of '{}'",
+            name(&geometry.solids.list()[solid as usize])
+        ));
+    }
     let reach = match camera.projection {
         Projection::Orthographic { xmag_m, ymag_m } => xmag_m.hypot(ymag_m),
         _ => options.lens.map_or(0.0, |lens| lens.radius_m),

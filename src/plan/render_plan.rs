@@ -124,10 +124,12 @@ pub struct FogSphere {
 }
 
 impl FogSphere {
-    fn new(medium: Fog, geometry: &Geometry, camera: Vec3) -> FogSphere {
+    /// Around the scene and all places of the camera, of which there is one at least.
+    pub(crate) fn new(medium: Fog, geometry: &Geometry, places: &[Vec3]) -> FogSphere {
         let (low, high) = geometry.bounds;
-        let center = if low.x > high.x { camera } else { 0.5 * low + 0.5 * high };
-        FogSphere { medium, center, radius_m: geometry.bounding_radius().max(camera.distance(center)) }
+        let center = if low.x > high.x { places[0] } else { 0.5 * low + 0.5 * high };
+        let distances = places.iter().map(|place| place.distance(center));
+        FogSphere { medium, center, radius_m: distances.fold(geometry.bounding_radius(), f32::max) }
     }
 
     /// Where a ray enters and leaves it, metres; an end before the start where it passes by.
@@ -207,7 +209,7 @@ impl RenderPlan {
             window: resolve_window(resolution, options.crop)?,
             camera,
             lens,
-            fog: options.fog.map(|fog| FogSphere::new(fog, geometry, scene.cameras[camera].position())),
+            fog: options.fog.map(|fog| FogSphere::new(fog, geometry, &asked.camera_places())),
             filter: options.filter,
             limits: Limits {
                 spp: options.spp,

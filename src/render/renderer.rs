@@ -15,8 +15,8 @@ use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
 use crate::machine;
-use crate::plan::RenderPlan;
 use crate::plan::options::RenderOptions;
+use crate::plan::{FogSphere, RenderPlan};
 use crate::scene::geometry::Geometry;
 use crate::scene::{Camera, Scene};
 use crate::shading::light::Lights;
@@ -57,7 +57,7 @@ pub struct Renderer<'a> {
     camera: CameraRays,
     /// The camera at equal intervals of the shutter; empty where it is at rest.
     camera_steps: Vec<CameraRays>,
-    /// The solids around the camera.
+    /// The solids around the camera as the shutter opens.
     media: Media,
     filter: FilterTable,
     tables: MaterialTables,
@@ -140,6 +140,7 @@ impl<'a> Renderer<'a> {
     pub fn look_through(&mut self, camera: &Camera) -> Result<()> {
         let camera = CameraRays::new(camera, self.plan.resolution, self.plan.lens)?;
         self.media = media_of(&self.geometry, &camera, &self.plan);
+        self.plan.fog = self.plan.fog.map(|fog| FogSphere::new(fog.medium, &self.geometry, &[camera.position()]));
         (self.camera, self.camera_steps) = (camera, Vec::new());
         Ok(())
     }

@@ -19,7 +19,7 @@ pub struct Job<'a> {
     pub camera: &'a CameraRays,
     /// The same at equal intervals of the shutter; empty where the camera is at rest.
     pub camera_steps: &'a [CameraRays],
-    /// The solids around the camera.
+    /// The solids around the camera as the shutter opens.
     pub media: Media,
     /// Pixel filter.
     pub filter: &'a FilterTable,

@@ -2,6 +2,8 @@
 
 use std::collections::HashSet;
 
+use glam::Vec3;
+
 use crate::plan::options::RenderOptions;
 use crate::scene::geometry::Geometry;
 use crate::scene::{Facts, Material, Mesh, Scene};
@@ -44,6 +46,13 @@ impl<'a> Asked<'a> {
             }
         }
         Asked { scene, options, camera, geometry, placed }
+    }
+
+    /// Where the camera stands as the shutter opens, and on its way until it closes.
+    pub fn camera_places(&self) -> Vec<Vec3> {
+        let steps = self.scene.motion.of_camera(self.camera).map_or(&[][..], |track| &track.steps);
+        let on_its_way = steps.iter().map(|step| step.translation.into());
+        std::iter::once(self.scene.cameras[self.camera].position()).chain(on_its_way).collect()
     }
 
     /// Whether light sampling takes part at all.
