@@ -41,6 +41,6 @@ pub trait Keeper {
     /// Whether it wants the state now; asked a few times a second.
     fn is_due(&mut self) -> bool;
 
-    /// Takes a copy of the state, to be saved or shown. The workers go on meanwhile, to the end of the pass.
+    /// Takes a copy of the state, to be saved or shown. Workers within a pass go on meanwhile, and wait at its end.
     fn keep(&mut self, render: Render);
 }

@@ -78,12 +78,6 @@ impl Interaction {
         geometry.uv(self.attributes, 0, self.barycentric)
     }
 
-    /// Texture coordinates of any channel; of channel 0 where the triangle has no other.
-    #[inline(always)]
-    pub fn uv_of(&self, geometry: &Geometry, channel: u32) -> Option<Vec2> {
-        geometry.uv(self.attributes, channel, self.barycentric).or_else(|| self.uv(geometry))
-    }
-
     /// Vertex colour, linear RGB and alpha; white where the triangle has none.
     #[inline(always)]
     pub fn color(&self, geometry: &Geometry) -> Vec4 {

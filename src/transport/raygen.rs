@@ -25,11 +25,6 @@ impl Chunk<'_> {
     pub(crate) fn len(&self) -> usize {
         self.pixels.len() * self.samples
     }
-
-    /// Pixel and sample index of a slot.
-    pub fn of_slot(&self, slot: usize) -> ((u32, u32), u64) {
-        (self.pixels[slot / self.samples], self.first_sample + (slot % self.samples) as u64)
-    }
 }
 
 /// Fills `wave.current` with the camera rays of `chunk` and resets what the samples gather. Sixteen slots at a time:

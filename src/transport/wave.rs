@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::kind::{KINDS, Kind};
-use super::passing::Passing;
+use super::passing::{Passing, Pending};
 use super::truncation::Truncated;
 use crate::backend::batch::{BLOCKED, LANES, RayBlock, RayHitBlock};
 use crate::film::layer::bounces::LENGTHS;
@@ -218,7 +218,8 @@ pub struct Gathered {
     pub weight: f32,
 }
 
-/// Everything one worker advances together. Allocated once a worker, never grown.
+/// Everything one worker advances together. Allocated once a worker; what few scenes need is empty until one needs it
+/// and then grows to the size of the rest.
 pub struct Wave {
     /// Paths of this edge.
     pub current: Paths,
@@ -296,13 +297,16 @@ impl Wave {
         }
     }
 
-    /// Bytes of the columns of a wave for `capacity` paths, without what few scenes need.
+    /// Bytes of the columns of a wave for `capacity` paths, with those that few scenes need.
     pub fn bytes(capacity: usize, per_length: bool) -> u64 {
         let paths = 2 * (size_of::<RayHitBlock>() + size_of::<PathBlock>());
         let block = paths + size_of::<RayBlock>() + size_of::<ShadowBlock>() + size_of::<(Kind, u16)>();
+        let passing = size_of::<RayHitBlock>() + LANES * size_of::<Pending>();
         let sums = if per_length { size_of::<[[f32; 3]; LENGTHS]>() } else { 0 };
         let path = KINDS * size_of::<u32>() + size_of::<Gathered>() + sums;
-        ((capacity / LANES + 2) * block + capacity * path) as u64
+        let media = 2 * size_of::<Media>() + size_of::<Option<Boundary>>() + size_of::<f32>();
+        let rare = media + size_of::<Cone>() + size_of::<bool>() + size_of::<f32>() + size_of::<[f32; 3]>();
+        ((capacity / LANES + 2) * (block + passing + size_of::<u16>()) + capacity * (path + rare)) as u64
     }
 
     /// Paths that fit.

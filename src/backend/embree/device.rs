@@ -132,12 +132,12 @@ impl Device {
             .into()
     }
 
-    /// One of the device's numbers.
     /// Whether it traces packets of 16 rays as such.
     pub(super) fn is_wide(&self) -> bool {
         self.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0
     }
 
+    /// One of the device's numbers.
     fn property(&self, property: sys::RTCDeviceProperty) -> isize {
         // SAFETY: `raw` is alive.
         unsafe { sys::rtcGetDeviceProperty(self.raw, property) }
