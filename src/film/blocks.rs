@@ -55,6 +55,17 @@ impl Blocks {
 
     /// Adds the next block of each of `pixels`, which are those of the full image and lie inside the window.
     pub fn push(&mut self, pixels: &[(u32, u32)], patch: &Patch) {
+        // The one block of passes that double the samples; pixels have equally many.
+        let [first, next] = [self.samples(pixels[0]), patch.pixels[0].samples()];
+        if let [film] = &mut self.films[..]
+            && (first == 0 || first == next)
+        {
+            debug_assert!(film.is_uniform(pixels), "pixels of a tile have equally many samples");
+            for (from, (&pixel, next)) in pixels.iter().zip(&patch.pixels).enumerate() {
+                film.merge_pixel(film.place(pixel), next, &patch.planes, from);
+            }
+            return;
+        }
         for (from, &pixel) in pixels.iter().enumerate() {
             let at = self.films[0].place(pixel);
             self.push_pixel(at, &patch.pixels[from], &patch.planes, from);
@@ -72,12 +83,6 @@ impl Blocks {
     /// Adds pixel `from` of `planes` as the next block of the pixel at `at`.
     fn push_pixel(&mut self, at: usize, pixel: &Pixel, planes: &[Plane], from: usize) {
         let held = |film: &Film| film.pixels[at].samples();
-        // The one block of passes that double the samples.
-        if let [film] = &mut self.films[..]
-            && [0, pixel.samples()].contains(&held(film))
-        {
-            return film.merge_pixel(at, pixel, planes, from);
-        }
         let depth = self.films.iter().position(|film| held(film) == 0).unwrap_or(self.films.len());
         if depth == 0 || held(&self.films[depth - 1]) != pixel.samples() {
             if depth == self.films.len() {
