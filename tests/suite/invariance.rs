@@ -14,7 +14,7 @@ use pathspace::backend::BackendKind;
 use pathspace::film::Film;
 use pathspace::plan::Aov;
 use pathspace::render::Renderer;
-use pathspace::scene::Scene;
+use pathspace::scene::{LoadOptions, Scene};
 use serde_json::{Value, json};
 
 use crate::common::{options, render, shared};
@@ -71,7 +71,8 @@ impl Variants {
         }
         let file = self.folder.path().join(format!("{name}.gltf"));
         std::fs::write(&file, json.to_string()).expect("a writable folder");
-        let mut scene = Scene::load(&file).unwrap_or_else(|e| panic!("{name}, {change:?}: {e}"));
+        let options = LoadOptions::default().allow_outside(true);
+        let mut scene = Scene::load_with(&file, &options).unwrap_or_else(|e| panic!("{name}, {change:?}: {e}"));
         let environment = self.shared.join(format!("scenes/{name}.env.exr"));
         if environment.is_file() {
             scene.load_environment(&environment, 0.0, 1.0).expect("a shared environment");

@@ -48,7 +48,7 @@ fn strategies_agree_on_bumps() {
         sky.texels = [0.1, 2.0, 0.3, 0.1, 0.5, 0.5, 0.5, 0.5].map(Vec3::splat).into();
         let Some(scene) = floor(|material| change(material), sky) else { return };
         let [mis, bsdf, light] =
-            [Strategy::MIS, Strategy::BSDF, Strategy::LIGHT].map(|strategy| found(&scene, strategy, 256));
+            [Strategy::MIS, Strategy::BSDF, Strategy::LIGHT].map(|strategy| found(&scene, strategy, 4096));
         for other in [bsdf, light] {
             let error = mis.standard_error(0).hypot(other.standard_error(0));
             let off = (mis.mean[0] - other.mean[0]).abs();
