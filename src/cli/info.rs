@@ -131,6 +131,8 @@ fn time_for(renderer: &mut Renderer, options: RenderOptions) -> Result<String> {
     let small = options.clone().size(side(options.width), side(options.height));
     renderer.retarget(&RenderOptions { crop: None, aovs: Vec::new(), ..small }.spp(16).time(PILOT_TIME))?;
     let render = renderer.render()?;
+    render.check_fault()?;
+    renderer.scene().check_textures()?;
     let error = render.film.error_estimate().filter(|error| error.relmse.is_finite() && error.relmse > 0.0);
     let samples = render.film.spp().mean;
     let Some(error) = error.filter(|_| samples >= 2.0) else { return Ok("not known: the pilot saw no noise".into()) };

@@ -15,7 +15,7 @@ use super::signal::Signals;
 use crate::error::{Error, Result};
 use crate::render::checkpoint::{About, Checkpoint};
 use crate::render::identity::MAY_DIFFER;
-use crate::render::{Keeper, Render, RenderOptions, Renderer};
+use crate::render::{Keeper, Render, RenderOptions, Renderer, State};
 
 /// Reads the state to go on from, if there is one.
 ///
@@ -116,10 +116,14 @@ impl<'k> Keeping<'k> {
         let ended = writer
             .join()
             .unwrap_or_else(|_| Err(Error::io(self.path(), "write", std::io::Error::other("the writer failed"))));
-        if let Err(error) = ended
-            && !self.told
-        {
-            self.told = true;
+        if let Err(error) = ended {
+            self.tell(&error);
+        }
+    }
+
+    /// Says that a checkpoint could not be written, once.
+    fn tell(&mut self, error: &Error) {
+        if !std::mem::replace(&mut self.told, true) {
             stderr_line(format_args!(
                 "pathspace: error: {error}; the render goes on, the last good checkpoint is kept"
             ));
@@ -132,6 +136,10 @@ impl<'k> Keeping<'k> {
 }
 
 impl Keeper for Keeping<'_> {
+    fn keeps_copies(&self) -> bool {
+        self.every.is_some()
+    }
+
     fn is_due(&mut self) -> bool {
         self.collect(false);
         self.shown = !self.signals.take_request();
@@ -139,21 +147,23 @@ impl Keeper for Keeping<'_> {
         !self.shown || (save && self.writer.is_none())
     }
 
-    fn keep(&mut self, render: Render) {
-        if render.film.spp().max == 0 {
+    fn keep(&mut self, state: State) {
+        if !state.has_samples() {
             return;
         }
-        if !self.shown {
-            (self.show)(&render);
-            self.shown = true;
+        if !std::mem::replace(&mut self.shown, true) {
+            (self.show)(&state.clone().into_render());
         }
         let (Some((every, path)), Some(about)) = (&self.every, &self.about) else { return };
         if self.saved.elapsed() < *every || self.writer.is_some() {
             return;
         }
         self.saved = Instant::now();
-        let (checkpoint, path) = (Checkpoint::new(render, about.clone()), path.clone());
-        let writer = thread::Builder::new().name("checkpoint".into()).spawn(move || checkpoint.save(path));
-        self.writer = writer.ok();
+        let (about, path) = (about.clone(), path.clone());
+        let writer = thread::Builder::new().name("checkpoint".into()).spawn(move || about.save_state(&state, &path));
+        match writer {
+            Ok(writer) => self.writer = Some(writer),
+            Err(source) => self.tell(&Error::io(self.path(), "write", source)),
+        }
     }
 }

@@ -13,6 +13,7 @@ use super::units;
 use crate::error::{Error, Result};
 use crate::film::atomic::{check_writable, write_atomically};
 use crate::film::look::Look;
+use crate::input;
 use crate::render::identity::MAY_DIFFER;
 use crate::render::merge::{MergeOptions, Merged, merge};
 
@@ -117,9 +118,19 @@ pub fn run(args: &MergeArgs) -> Result<u8> {
     Ok(if record.nonfinite > 0 { EXIT_NONFINITE } else { EXIT_OK })
 }
 
+/// Whether it is an OpenEXR file, by its first bytes: of a picture too little is left to be joined to the bits of one.
+fn is_picture(path: &Path) -> bool {
+    input::read_at_most(path, 4).is_ok_and(|bytes| bytes == [0x76, 0x2f, 0x31, 0x01])
+}
+
 /// The EXR and the previews.
 fn outputs(args: &MergeArgs) -> Result<(Option<&Path>, Vec<&Path>)> {
     let refuse = |option, problem: String| Err(Error::Option { option, problem });
+    if let Some(picture) = args.parts.iter().find(|path| is_picture(path)) {
+        let problem =
+            "is a picture; parts are the states that `render --checkpoint` and `--sample-range` save beside it";
+        return refuse("PART", format!("{} {problem}", picture.display()));
+    }
     let extension = |path: &Path| path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     let (mut exr, mut pngs) = (None, Vec::new());
     match extension(&args.output).as_deref() {

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use super::identity::Identity;
 use super::renderer::Renderer;
-use super::result::Render;
-use super::saved;
+use super::result::{Render, State};
+use super::{saved, schedule};
 use crate::error::Result;
 use crate::film::exr::{ExrOptions, ViewMatrices};
 use crate::film::saved::{WordReader, WordWriter, damaged, restore, save};
@@ -64,11 +64,11 @@ impl About {
     /// # Errors
     /// As [`Renderer::identity`].
     pub fn of(renderer: &Renderer) -> Result<Self> {
-        let plan = renderer.plan();
+        let (plan, limits) = (renderer.plan(), &renderer.plan().limits);
         let exr = renderer.exr_attributes();
         Ok(About {
             identity: renderer.identity()?,
-            goal: Goal { spp: plan.limits.spp, error: plan.limits.error, min_spp: plan.limits.min_spp },
+            goal: Goal { spp: schedule::samples(limits), error: limits.error, min_spp: limits.min_spp },
             accepted: String::new(),
             aovs: plan.aovs.clone(),
             max_depth: plan.max_depth,
@@ -85,6 +85,17 @@ impl About {
         save(path, CHECKPOINT, |words| {
             write_about(self, words)?;
             saved::write_render(render, words)
+        })
+    }
+
+    /// [`save`](Self::save) of a running render.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::save`].
+    pub fn save_state(&self, state: &State, path: &Path) -> Result<()> {
+        save(path, CHECKPOINT, |words| {
+            write_about(self, words)?;
+            saved::write_state(state, words)
         })
     }
 

@@ -9,6 +9,8 @@ use std::fmt::Debug;
 use std::io::Read;
 use std::path::Path;
 
+use glam::Affine3A;
+
 use super::renderer::Renderer;
 use crate::error::{Error, Result};
 use crate::film::store::mix;
@@ -96,7 +98,7 @@ fn build() -> String {
     }
 }
 
-/// Digest of what is made of the files: which of their scenes, variants and poses.
+/// Digest of what is made of the files: which of their scenes, variants, poses and motions.
 fn content_of(scene: &Scene) -> u64 {
     let text =
         |digest: u64, text: &str| text.bytes().fold(mix(digest, text.len() as u64), |d, byte| mix(d, byte.into()));
@@ -107,10 +109,19 @@ fn content_of(scene: &Scene) -> u64 {
         digest = vertices.fold(text(digest, &mesh.name), |digest, value| mix(digest, value.to_bits().into()));
         digest = mix(digest, u64::from(mesh.material.0));
     }
+    let posed = |digest: u64, pose: &Affine3A| {
+        pose.to_cols_array().iter().fold(digest, |digest, value| mix(digest, value.to_bits().into()))
+    };
     for instance in &scene.instances {
-        let pose = instance.world_from_object.to_cols_array();
-        digest =
-            pose.iter().fold(mix(digest, instance.mesh.0.into()), |digest, value| mix(digest, value.to_bits().into()));
+        digest = mix(mix(digest, instance.mesh.0.into()), scene.material_of(instance).0.into());
+        digest = posed(digest, &instance.world_from_object);
+    }
+    for tracks in [&scene.motion.instances, &scene.motion.cameras] {
+        digest = mix(digest, tracks.len() as u64);
+        for track in tracks {
+            digest = mix(mix(digest, track.index as u64), track.steps.len() as u64);
+            digest = track.steps.iter().fold(digest, posed);
+        }
     }
     digest
 }
@@ -154,7 +165,11 @@ pub fn digest_of(path: &Path) -> Result<u64> {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+    use crate::scene::builder::SceneBuilder;
+    use crate::scene::motion::Track;
 
     /// Oracle: written by hand.
     #[test]
@@ -167,6 +182,36 @@ mod tests {
         let expected = [triple("seed", "1", "2"), triple("size", "8x8", "none"), triple("isa", "none", "avx2")];
         assert_eq!(a.differences(&b), expected);
         assert!(a.differences(&a).is_empty());
+    }
+
+    /// One change of what is shown or of how it moves changes the digest. Oracle: the definition.
+    #[test]
+    fn contents_tell_motions_and_materials_apart() {
+        let mut b = SceneBuilder::new();
+        let (white, grey) = (b.lambert(Vec3::ONE), b.lambert(Vec3::splat(0.5)));
+        b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, white);
+        b.camera(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0);
+        let still = b.build();
+        let changed = |change: &dyn Fn(&mut Scene)| {
+            let mut scene = still.clone();
+            change(&mut scene);
+            content_of(&scene)
+        };
+        let track = |x: f32| Track {
+            index: 0,
+            steps: vec![Affine3A::IDENTITY, Affine3A::from_translation(Vec3::new(x, 0.0, 0.0))],
+        };
+        let digests = [
+            content_of(&still),
+            changed(&|scene| scene.instances[0].material = Some(grey)),
+            changed(&|scene| scene.motion.instances = vec![track(1.0)]),
+            changed(&|scene| scene.motion.instances = vec![track(2.0)]),
+            changed(&|scene| scene.motion.cameras = vec![track(1.0)]),
+        ];
+        for (i, digest) in digests.iter().enumerate() {
+            assert!(!digests[..i].contains(digest), "{i}");
+        }
+        assert_eq!(changed(&|_| {}), digests[0]);
     }
 
     /// Any changed byte, and a longer or shorter file, change the digest.

@@ -208,7 +208,7 @@ impl RenderOptions {
     /// [`Error::Option`] with the numbers.
     pub fn check_memory(&self) -> Result<()> {
         let window = self.crop.map_or((self.width, self.height), |crop| (crop.width, crop.height));
-        check(window, &self.aovs, self.max_depth, self.spp)
+        check(window, &self.aovs, self.max_depth, films(self.spp))
     }
 }
 
@@ -217,18 +217,18 @@ fn bytes_of_pixel(aovs: &[Aov], max_depth: u32, films: u64) -> u64 {
 }
 
 /// Films that a render to `spp` samples per pixel holds at once.
-fn films(spp: Option<u64>) -> u64 {
+pub(super) fn films(spp: Option<u64>) -> u64 {
     Blocks::most(spp.unwrap_or(UNLIMITED_SPP), PASS_SAMPLES)
 }
 
-/// Whether a film of this window (columns, rows) with these layers fits.
-pub(super) fn check((width, height): (u32, u32), aovs: &[Aov], max_depth: u32, spp: Option<u64>) -> Result<()> {
+/// Whether so many films of this window (columns, rows) with these layers fit.
+pub(super) fn check((width, height): (u32, u32), aovs: &[Aov], max_depth: u32, films: u64) -> Result<()> {
     let refuse = |problem: String| Err(Error::Option { option: "--width", problem });
     let pixels = u64::from(width) * u64::from(height);
     if pixels > MOST_PIXELS {
         return refuse(format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
     }
-    let bytes = pixels * bytes_of_pixel(aovs, max_depth, films(spp));
+    let bytes = pixels * bytes_of_pixel(aovs, max_depth, films);
     if let Some(room) = Room::left(1).filter(|room| bytes > room.bytes) {
         let (needed, available) = (bytes >> 20, room.bytes >> 20);
         return refuse(format!(

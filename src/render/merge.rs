@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::checkpoint::{About, Checkpoint};
 use super::identity::MAY_DIFFER;
-use super::result::{Render, Totals};
+use super::result::{Render, State, Totals};
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::blocks::Blocks;
@@ -58,8 +58,8 @@ pub struct Part {
 ///
 /// # Errors
 /// [`Error::Io`] for files that cannot be read or are no checkpoints; [`Error::Option`], which names the files, for
-/// parts of different pictures, samples that come twice, samples that are missing, and parts that were stopped within a
-/// pass.
+/// parts of different pictures, samples that come twice, samples that are missing, parts that were stopped before their
+/// end, and parts that do not begin at a multiple of their size, rounded up to a power of two.
 pub fn merge(paths: &[PathBuf], options: &MergeOptions) -> Result<Merged> {
     let mut parts = paths.iter().map(|path| look(path)).collect::<Result<Vec<Part>>>()?;
     let Some(first) = parts.first().cloned() else { return refuse("a part at least is needed".into()) };
@@ -87,7 +87,7 @@ pub fn merge(paths: &[PathBuf], options: &MergeOptions) -> Result<Merged> {
             totals.film.push_film(block);
         }
     }
-    let render = Render::running(totals, render_time, None).complete();
+    let render = State { totals, render_time, check: None }.into_render().complete();
     Ok(Merged { render, about, parts, gaps })
 }
 
@@ -98,14 +98,27 @@ fn refuse<T>(problem: String) -> Result<T> {
 /// What the file is.
 fn look(path: &Path) -> Result<Part> {
     let Checkpoint { render, about } = Checkpoint::restore(path)?;
-    let (film, spp) = (&render.film, render.film.spp());
+    let (film, spp, goal) = (&render.film, render.film.spp(), about.goal);
     if spp.min < spp.max {
         return refuse(format!("{} was stopped within a pass of samples: resume it to its end", path.display()));
     }
+    if let (None, Some(asked)) = (goal.error, goal.spp)
+        && spp.min < asked
+    {
+        let problem = format!("was stopped after {} of {asked} samples: resume it to its end", spp.min);
+        return refuse(format!("{} {problem}", path.display()));
+    }
+    let first = film.first_sample;
+    let (size, end) = (spp.min.checked_next_power_of_two(), first.checked_add(spp.min));
+    let (Some(end), true) = (end, size.is_some_and(|size| first.is_multiple_of(size))) else {
+        let problem = "which is no multiple of their number rounded up to a power of two: the sums would not be \
+                       those of one render";
+        return refuse(format!("{} has {} samples from {first} on, {problem}", path.display(), spp.min));
+    };
     Ok(Part {
         path: path.into(),
         window: film.window,
-        samples: (film.first_sample, film.first_sample + spp.min),
+        samples: (first, end),
         resolution: film.resolution,
         empty: film.resized(Crop { width: 0, height: 0, ..film.window }),
         about,
@@ -119,11 +132,12 @@ fn check_same(first: &Part, part: &Part, options: &MergeOptions, accepted: &mut 
         return refuse(format!("{names} belong to pictures of different sizes"));
     }
     for (name, here, there) in first.about.identity.differences(&part.about.identity) {
-        if options.accept_different.contains(&name) {
+        let may_differ = MAY_DIFFER.contains(&name.as_str());
+        if may_differ && options.accept_different.contains(&name) {
             accepted.push_str(&format!("{name}: {here}, {there}\n"));
             continue;
         }
-        let hint = match MAY_DIFFER.contains(&name.as_str()) {
+        let hint = match may_differ {
             true => format!("; --accept-different {name} joins them all the same"),
             false => String::new(),
         };

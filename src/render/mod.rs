@@ -41,7 +41,7 @@ use crate::transport::replay;
 pub use self::memory::{Need, Part};
 pub use self::progress::{Keeper, Progress, Snapshot};
 pub use self::renderer::Renderer;
-pub use self::result::{Fault, Forecast, Render, StopReason};
+pub use self::result::{Fault, Forecast, Render, State, StopReason};
 pub use self::schedule::DEFAULT_SPP;
 pub use crate::plan::options::{
     CameraChoice, Crop, FilterKind, Fog, Heuristic, Lens, RenderOptions, Roulette, SamplerKind, Strategy, Techniques,
@@ -165,7 +165,9 @@ impl Renderer<'_> {
     fn run(&self, backend: &dyn Backend, observers: Observers, earlier: Option<Render>) -> Result<Render> {
         let Observers { progress, mut watch, mut keeper } = observers;
         let plan = &self.plan;
-        memory::check((plan.window.width, plan.window.height), &plan.aovs, plan.max_depth, plan.limits.spp)?;
+        let copies = u64::from(keeper.as_ref().is_some_and(|keeper| keeper.keeps_copies()));
+        let films = (1 + copies) * memory::films(plan.limits.spp);
+        memory::check((plan.window.width, plan.window.height), &plan.aovs, plan.max_depth, films)?;
         let earlier = earlier.unwrap_or_else(|| Render::before(self.empty_film()));
         let (mut done, before) = (earlier.film.spp().min, earlier.render_time);
         let mut monitor = ErrorMonitor::new(plan, done, earlier.check);
@@ -177,7 +179,14 @@ impl Renderer<'_> {
         let mut clock = Clock::start();
         let mut fault = None;
 
+        // A state may be from between the end of a pass and the check that was due then.
+        let due = monitor.next_check() == Some(done);
+        let mut met = due && monitor.pass_ended(done, clock.elapsed(), || workers.estimate());
+
         let stop = loop {
+            if met {
+                break StopReason::Error;
+            }
             let Some(end) = schedule.next(done, monitor.next_check()) else { break StopReason::Spp };
             let pass = Pass { end, deadline: schedule.deadline(clock.elapsed()) };
             let ended = workers.run(&pass, &mut |within, rays| {
@@ -190,7 +199,7 @@ impl Renderer<'_> {
                     && keeper.is_due()
                 {
                     let totals = workers.totals().clone();
-                    keeper.keep(Render::running(totals, before + elapsed, monitor.check()));
+                    keeper.keep(State { totals, render_time: before + elapsed, check: monitor.check() });
                 }
                 ended
             });
@@ -206,14 +215,11 @@ impl Renderer<'_> {
             }
 
             let elapsed = clock.elapsed();
-            let met = monitor.pass_ended(done, elapsed, || workers.estimate());
+            met = monitor.pass_ended(done, elapsed, || workers.estimate());
             if let Some(watch) = &mut watch {
                 clock.pause(|| watch(&Snapshot { elapsed, spp: done, film: &workers.totals().film.total() }));
             }
-            if met {
-                break StopReason::Error;
-            }
-            if schedule.time_is_up(elapsed) {
+            if !met && schedule.time_is_up(elapsed) {
                 break StopReason::Time;
             }
         };

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::result::Render;
+use super::result::State;
 use crate::accuracy::predict::Predicted;
 use crate::film::Film;
 
@@ -38,9 +38,14 @@ pub struct Snapshot<'a> {
 
 /// Who keeps the state of a running render: [`Renderer::render_kept`](super::Renderer::render_kept).
 pub trait Keeper {
+    /// Whether it holds a copy of the state while the render goes on: memory for one is then seen to beforehand.
+    fn keeps_copies(&self) -> bool {
+        true
+    }
+
     /// Whether it wants the state now; asked a few times a second.
     fn is_due(&mut self) -> bool;
 
     /// Takes a copy of the state, to be saved or shown. Workers within a pass go on meanwhile, and wait at its end.
-    fn keep(&mut self, render: Render);
+    fn keep(&mut self, state: State);
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::accuracy::predict::Predicted;
+use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::blocks::Blocks;
 use crate::transport::counters::Counters;
@@ -87,6 +88,30 @@ pub(super) struct Totals {
     pub counters: Counters,
 }
 
+/// The state of a running render: a [`Render`] whose blocks of samples are not added up to a picture yet.
+#[derive(Clone, Debug)]
+pub struct State {
+    pub(super) totals: Totals,
+    pub(super) render_time: Duration,
+    /// As of a [`Render`].
+    pub(super) check: Option<(f64, u64)>,
+}
+
+impl State {
+    /// Whether any pixel has a sample.
+    pub fn has_samples(&self) -> bool {
+        self.totals.film.films()[0].spp().max > 0
+    }
+
+    /// With the picture so far.
+    pub fn into_render(self) -> Render {
+        let State { totals, render_time, check } = self;
+        let (film, blocks) = totals.film.finish();
+        let (counters, stop) = (totals.counters, StopReason::Callback);
+        Render { film, blocks, counters, render_time, stop, check, forecast: None, fault: None }
+    }
+}
+
 /// A finished (or stopped) render.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -124,16 +149,20 @@ impl Render {
         }
     }
 
-    /// A render that runs, as after `render_time`; its error is checked next as `check` says.
-    pub(super) fn running(totals: Totals, render_time: Duration, check: Option<(f64, u64)>) -> Self {
-        let (film, blocks) = totals.film.finish();
-        let stop = StopReason::Callback;
-        Render { film, blocks, counters: totals.counters, render_time, stop, check, forecast: None, fault: None }
-    }
-
     /// The same, at its end: all samples are done.
     pub(super) fn complete(self) -> Self {
         Render { stop: StopReason::Spp, ..self }
+    }
+
+    /// Whether no worker failed.
+    ///
+    /// # Errors
+    /// [`Error::Backend`] with the [`fault`](Self::fault).
+    pub fn check_fault(&self) -> Result<()> {
+        match &self.fault {
+            Some(fault) => Err(Error::Backend { backend: "render", problem: fault.to_string() }),
+            None => Ok(()),
+        }
     }
 
     /// What passes add up, to be gone on with.

@@ -9,7 +9,7 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::Duration;
 
-use super::result::{Render, StopReason};
+use super::result::{Render, State, StopReason};
 use crate::error::Result;
 use crate::film::saved::{self, WordReader, WordWriter, damaged};
 use crate::film::{Film, blocks};
@@ -78,14 +78,32 @@ impl Render {
 /// The body of a saved render.
 pub(super) fn write_render<W: Write>(render: &Render, words: &mut WordWriter<W>) -> io::Result<()> {
     let films = if render.blocks.is_empty() { std::slice::from_ref(&render.film) } else { &render.blocks };
+    write_parts((films, &render.counters), render.render_time, render.stop, render.check, words)
+}
+
+/// The body of a running render that is saved.
+pub(super) fn write_state<W: Write>(state: &State, words: &mut WordWriter<W>) -> io::Result<()> {
+    let films = state.totals.film.films();
+    let used = films.iter().take_while(|film| film.spp().max > 0).count().max(1);
+    let parts = (&films[..used], &state.totals.counters);
+    write_parts(parts, state.render_time, StopReason::Callback, state.check, words)
+}
+
+fn write_parts<W: Write>(
+    (films, counters): (&[Film], &Counters),
+    render_time: Duration,
+    stop: StopReason,
+    check: Option<(f64, u64)>,
+    words: &mut WordWriter<W>,
+) -> io::Result<()> {
     words.put(films.len() as u64)?;
     films.iter().try_for_each(|film| film.write_words(words))?;
-    write_counters(&render.counters, words)?;
-    words.put(render.render_time.as_secs())?;
-    words.put(render.render_time.subsec_nanos().into())?;
-    let reason = REASONS.iter().position(|reason| *reason == render.stop).expect("all reasons are listed");
+    write_counters(counters, words)?;
+    words.put(render_time.as_secs())?;
+    words.put(render_time.subsec_nanos().into())?;
+    let reason = REASONS.iter().position(|reason| *reason == stop).expect("all reasons are listed");
     words.put(reason as u64)?;
-    let (target, next) = render.check.unwrap_or_default();
+    let (target, next) = check.unwrap_or_default();
     words.put(target.to_bits())?;
     words.put(next)
 }

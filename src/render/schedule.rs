@@ -21,6 +21,12 @@ pub const DEFAULT_SPP: u64 = 64;
 /// the clock.
 pub(super) const PASS_SAMPLES: u64 = 64;
 
+/// Samples per pixel that end a render under `limits`, if any do: [`DEFAULT_SPP`] when they name no limit.
+pub(super) fn samples(limits: &Limits) -> Option<u64> {
+    let endless = limits.time.is_none() && limits.error.is_none();
+    limits.spp.or(endless.then_some(DEFAULT_SPP))
+}
+
 /// Rendering time: paused while the picture is shown.
 pub(super) struct Clock {
     start: Instant,
@@ -54,11 +60,9 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// [`DEFAULT_SPP`] samples per pixel when `limits` names no limit.
+    /// The passes under `limits`.
     pub fn new(limits: &Limits) -> Self {
-        let endless = limits.spp.is_none() && limits.time.is_none() && limits.error.is_none();
-        let spp = limits.spp.unwrap_or(if endless { DEFAULT_SPP } else { u64::MAX });
-        Schedule { spp, time: limits.time }
+        Schedule { spp: samples(limits).unwrap_or(u64::MAX), time: limits.time }
     }
 
     /// Samples per pixel at the end of the pass after `done`, which does not go beyond the error's `next_check`; `None`

@@ -64,11 +64,11 @@ impl StoppingRule {
         StoppingRule { target, least, next_check: FIRST_CHECK, prior, points, last, fall: DENOMINATOR_FALL }
     }
 
-    /// Goes on with a render of `done` samples per pixel: the next check is at `next`, or the first one that may be
-    /// where it is not known. The checks before are not in the prediction.
+    /// Goes on with a render of `done` samples per pixel: the next check is at `next`, which may be due now, or the
+    /// first one that may be where it is not known. The checks before are not in the prediction.
     pub fn go_on(&mut self, done: u64, next: Option<u64>) {
         if done > 0 {
-            self.next_check = next.filter(|&next| next > done).unwrap_or_else(|| next_check(done, 0.0));
+            self.next_check = next.filter(|&next| next >= done).unwrap_or_else(|| next_check(done, 0.0));
         }
     }
 

@@ -107,6 +107,8 @@ impl<'a, 'o> Renderers<'a, 'o> {
             if halt.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;
         let cost = watch.cost();
+        render.check_fault()?;
+        self.scene.check_textures()?;
         match halt {
             Some(halt) => Err(halt),
             None => Ok((render, cost)),
