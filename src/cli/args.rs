@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 use super::farm::FarmArgs;
 use super::live::args::{DEFAULT_ADDRESS, LiveArgs};
@@ -79,11 +80,48 @@ impl Cli {
         })
     }
 
+    /// What this process was given besides its command, each option once and by its long name: the argument's name
+    /// here, and its words.
+    pub fn given() -> Vec<(String, Vec<String>)> {
+        let definition = Cli::definition();
+        let matches = definition.clone().try_get_matches_from(with_command(std::env::args_os().collect()));
+        let Ok(matches) = matches else { return Vec::new() };
+        let Some((name, matches)) = matches.subcommand() else { return Vec::new() };
+        let arguments = definition.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
+        let given =
+            arguments.filter(|arg| matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine));
+        given.map(|arg| (arg.get_id().to_string(), words_of(arg, matches))).collect()
+    }
+
     /// Reads the command line as people write it: a scene without a command is rendered for a first look.
     pub fn read(words: Vec<OsString>) -> Cli {
         let matches = Cli::definition().get_matches_from(with_command(words));
         Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
     }
+}
+
+/// What `arg` looks like on a command line.
+fn words_of(arg: &clap::Arg, matches: &ArgMatches) -> Vec<String> {
+    let option = format!("--{}", arg.get_long().unwrap_or_default());
+    if !arg.get_action().takes_values() {
+        return vec![option];
+    }
+    let occurrences = matches.get_raw_occurrences(arg.get_id().as_str()).into_iter().flatten();
+    let mut words = Vec::new();
+    for values in occurrences {
+        let values = values.map(|value| value.to_string_lossy().into_owned());
+        let values: Vec<String> = match arg.get_value_delimiter() {
+            Some(delimiter) => vec![values.collect::<Vec<_>>().join(&delimiter.to_string())],
+            None => values.collect(),
+        };
+        match values.first() {
+            _ if arg.is_positional() => words.extend(values),
+            // What begins like an option is a value here.
+            Some(value) if value.starts_with('-') => words.push(format!("{option}={value}")),
+            _ => words.extend([option.clone()].into_iter().chain(values)),
+        }
+    }
+    words
 }
 
 /// `words` with `render --quick` before a scene that no command stands before.

@@ -154,7 +154,7 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
     let mut view = ProgressView::new(args.progress, verbosity, target);
     let progress = |p: &Progress| {
         view.update(p);
-        watchers.borrow().meanwhile(renderer);
+        watchers.borrow_mut().meanwhile(renderer, p.elapsed);
         match signals.exit_code() {
             Some(_) => ControlFlow::Break(()),
             None => ControlFlow::Continue(()),

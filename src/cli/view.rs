@@ -11,11 +11,11 @@ use super::job::{self, Fallback};
 use super::live::page::ViewChange;
 use super::live::watch::Page;
 use super::quick;
-use super::report::Verbosity;
+use super::report::{Verbosity, stderr_line};
 use super::signal::Signals;
 use super::waiting::Waiting;
 use crate::error::Result;
-use crate::render::{Lens, Progress, RenderOptions, Renderer, Snapshot, StopReason};
+use crate::render::{Crop, Lens, Progress, Render, RenderOptions, Renderer, Snapshot, StopReason};
 use crate::scene::orbit::{Distance, Orbit};
 use crate::scene::{Camera, Projection, Scene};
 
@@ -38,29 +38,40 @@ pub fn run(args: &ViewerArgs) -> Result<u8> {
     let waiting = Waiting::begin(verbosity, "loading and building");
     let scene = &job::load(&args.scene, &args.settings, Fallback::Studio)?;
     let full = quick::sized(&args.settings, job::settings(&args.settings, scene)).spp(args.spp);
-    let coarse = full.clone().size(full.width.div_ceil(COARSE), full.height.div_ceil(COARSE)).spp(COARSE_SPP);
     let mut renderer = Renderer::new(scene, full.clone())?;
+    let (coarse, window) = (coarse(&full), renderer.plan().window);
     drop(waiting);
+    let studio = args.settings.environment.env.is_none() && scene.environment.is_some();
+    page.renders((full.width, full.height), args.spp, studio);
     verbosity.warnings(&scene.warnings);
     verbosity.note("Ctrl-C ends it");
     signals.defer();
 
     let camera = scene.cameras[renderer.plan().camera].clone();
     let mut seen = Seen { camera: camera.clone(), view: standing(scene, &camera, full.lens), moved: false };
-    let mut fine = false;
+    let (mut good, mut fine) = ((seen.view, seen.moved), false);
     loop {
-        let options = if fine { &full } else { &coarse };
-        renderer.retarget(&RenderOptions { lens: seen.lens(options), ..options.clone() })?;
-        if seen.moved {
-            renderer.look_through(&seen.placed(scene, &full))?;
+        if let Err(error) = seen.aim(&mut renderer, if fine { &full } else { &coarse }, &full) {
+            if good == (seen.view, seen.moved) {
+                return Err(error);
+            }
+            // No camera can stand where a client wanted it: the last good view stays.
+            verbosity.note(format_args!("pathspace: warning: {error}"));
+            ((seen.view, seen.moved), fine) = (good, false);
+            continue;
         }
-        page.begin(&renderer, [full.width, full.height], Some(seen.view));
+        good = (seen.view, seen.moved);
+        page.begin(&renderer, window, Some(seen.view));
         let render = {
             let pages = std::cell::RefCell::new(&mut page);
             let progress = |_: &Progress| {
                 let page = pages.borrow();
-                page.answer_replays(&renderer);
-                match signals.exit_code().is_some() || page.shared().has_view() {
+                // Clients mean pixels of the full picture.
+                if fine {
+                    page.answer_replays(&renderer);
+                }
+                // A first look is finished, or a camera that is dragged would show nothing.
+                match signals.exit_code().is_some() || (fine && page.shared().has_view()) {
                     true => ControlFlow::Break(()),
                     false => ControlFlow::Continue(()),
                 }
@@ -68,11 +79,16 @@ pub fn run(args: &ViewerArgs) -> Result<u8> {
             renderer.render_watched(progress, |snapshot: &Snapshot| {
                 let mut page = pages.borrow_mut();
                 page.show(snapshot.film, snapshot.elapsed, snapshot.spp);
-                page.answer_exr(&renderer, snapshot.film);
+                if fine {
+                    page.answer_exr(&renderer, snapshot.film);
+                }
             })?
         };
-        if fine && render.stop != StopReason::Callback {
-            page.done();
+        match render.stop {
+            StopReason::Callback => {}
+            StopReason::Fault | StopReason::Texture => tell_faults(scene, &render),
+            _ if fine => page.done(),
+            _ => {}
         }
         let was_fine = std::mem::replace(&mut fine, true);
         loop {
@@ -93,6 +109,26 @@ pub fn run(args: &ViewerArgs) -> Result<u8> {
     }
 }
 
+/// The first look at the picture of `full`.
+fn coarse(full: &RenderOptions) -> RenderOptions {
+    let part = |start: u32, size: u32| (start / COARSE, (start + size).div_ceil(COARSE) - start / COARSE);
+    let crop = full.crop.map(|crop| {
+        let ((x, width), (y, height)) = (part(crop.x, crop.width), part(crop.y, crop.height));
+        Crop { x, y, width, height }
+    });
+    full.clone().size(full.width.div_ceil(COARSE), full.height.div_ceil(COARSE)).crop(crop).spp(COARSE_SPP)
+}
+
+/// Says why a render ended early.
+fn tell_faults(scene: &Scene, render: &Render) {
+    if let Some(fault) = &render.fault {
+        stderr_line(format_args!("pathspace: error: {fault}"));
+    }
+    if let Err(error) = scene.check_textures() {
+        stderr_line(format_args!("pathspace: error: {error}"));
+    }
+}
+
 /// What is looked at, and whether it is still as the scene says.
 struct Seen {
     camera: Camera,
@@ -101,6 +137,16 @@ struct Seen {
 }
 
 impl Seen {
+    /// Turns `renderer` to it, for a picture by `options`, of which `full` is the whole.
+    fn aim(&self, renderer: &mut Renderer, options: &RenderOptions, full: &RenderOptions) -> Result<()> {
+        renderer.retarget(&RenderOptions { lens: self.lens(options), ..options.clone() })?;
+        if self.moved {
+            let camera = self.placed(renderer.scene(), full);
+            renderer.look_through(&camera)?;
+        }
+        Ok(())
+    }
+
     fn lens(&self, options: &RenderOptions) -> Option<Lens> {
         let parallel = matches!(self.camera.projection, Projection::Orthographic { .. });
         match self.moved {
@@ -142,5 +188,21 @@ fn standing(scene: &Scene, camera: &Camera, lens: Option<Lens>) -> ViewChange {
             Projection::Orthographic { .. } => None,
         },
         aperture: lens.map_or(0.0, |lens| f64::from(lens.radius_m)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Oracle: written by hand.
+    #[test]
+    fn a_first_look_shows_the_same_window() {
+        let crop = |x, y, width, height| Crop { x, y, width, height };
+        let of = |window: Option<Crop>| coarse(&RenderOptions::new(101, 50).crop(window));
+        let whole = of(None);
+        assert_eq!((whole.width, whole.height, whole.crop), (26, 13, None));
+        assert_eq!(of(Some(crop(8, 4, 40, 20))).crop, Some(crop(2, 1, 10, 5)));
+        assert_eq!(of(Some(crop(99, 47, 2, 3))).crop, Some(crop(24, 11, 2, 2)));
     }
 }

@@ -5,8 +5,6 @@ use crate::film::Film;
 /// A picture on its way.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// Counts up with every frame of a process.
-    pub version: u64,
     /// Columns and rows.
     pub size: (u32, u32),
     /// R, G, B and the standard error of their mean (0 where unknown), row-major.
@@ -15,14 +13,14 @@ pub struct Frame {
 
 impl Frame {
     /// The frame of a film.
-    pub fn of(film: &Film, version: u64) -> Self {
+    pub fn of(film: &Film) -> Self {
         let mut pixels = Vec::with_capacity(4 * film.pixels.len());
         for pixel in &film.pixels {
             let [r, g, b, _] = pixel.mean();
             let error = pixel.variance().map_or(0.0, |v| (v.iter().sum::<f64>() / 3.0).sqrt());
             pixels.extend([r, g, b, error].map(|value| value as f32));
         }
-        Frame { version, size: (film.window.width, film.window.height), pixels }
+        Frame { size: (film.window.width, film.window.height), pixels }
     }
 
     /// Its file for the page: columns and rows as u32, then the pixels; little-endian.

@@ -3,7 +3,8 @@
 //! [`Request`]s.
 //!
 //! Who may ask: names of the loopback in `Host` (a page of somewhere else cannot lead a browser here), or the token
-//! that was printed. What changes the view is POSTed with a header that pages of other origins cannot set.
+//! that was printed; and no page of another origin, as far as browsers say so (`Sec-Fetch-Site`). What changes the view
+//! is POSTed with a header that such pages cannot set.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
@@ -13,7 +14,7 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::page::{Request, Shared, ViewChange};
+use super::page::{Bytes, Request, Shared, ViewChange};
 use crate::error::{Error, Result};
 
 /// Connections at one time.
@@ -22,8 +23,8 @@ const MOST_CLIENTS: usize = 128;
 /// Longest time for a request to arrive, and for one write to be taken.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Longest wait for an answer of the render.
-const ANSWER: Duration = Duration::from_secs(20);
+/// Longest wait for an answer of the render, which comes at the end of a pass, and when its share of time allows.
+const ANSWER: Duration = Duration::from_secs(600);
 
 /// Most bytes of a request with its body.
 const MOST_BYTES: usize = 16 << 10;
@@ -99,6 +100,8 @@ struct Asked {
     path: String,
     query: String,
     host: String,
+    /// Where a browser says that the request comes from; empty where none does.
+    site: String,
     ours: bool,
     body: Vec<u8>,
 }
@@ -115,14 +118,14 @@ fn answer(mut stream: TcpStream, shared: &Shared, token: Option<&str>) -> std::i
         Some(token) => value("token") == Some(token),
         None => is_loopback(&asked.host),
     };
-    if !allowed {
+    if !allowed || !["", "same-origin", "none"].contains(&asked.site.as_str()) {
         return reply(&mut stream, "403 Forbidden", "text/plain", b"open the address that pathspace printed\n");
     }
     match (asked.method.as_str(), asked.path.as_str()) {
         ("GET", "/") => reply(&mut stream, "200 OK", "text/html; charset=utf-8", PAGE.as_bytes()),
         ("GET", "/state") => reply(&mut stream, "200 OK", "application/json", shared.state().as_bytes()),
         ("GET", "/picture") => match shared.frame() {
-            Some(frame) => reply(&mut stream, "200 OK", "application/octet-stream", &frame.bytes()),
+            Some(frame) => reply(&mut stream, "200 OK", "application/octet-stream", &frame),
             None => reply(&mut stream, "204 No Content", "text/plain", b""),
         },
         ("GET", "/replay") => {
@@ -197,13 +200,14 @@ fn read(stream: &mut TcpStream) -> std::io::Result<Option<Asked>> {
             path: path.into(),
             query: query.into(),
             host: header("host"),
+            site: header("sec-fetch-site"),
             ours: header("x-pathspace") == "view",
             body: bytes[body..body + length].to_vec(),
         }));
     }
 }
 
-fn forward(stream: &mut TcpStream, answer: Option<Vec<u8>>, kind: &str) -> std::io::Result<()> {
+fn forward(stream: &mut TcpStream, answer: Option<Bytes>, kind: &str) -> std::io::Result<()> {
     match answer {
         Some(bytes) => reply(stream, "200 OK", kind, &bytes),
         None => reply(stream, "503 Service Unavailable", "text/plain", b"the render did not answer\n"),

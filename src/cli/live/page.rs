@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::frame::Frame;
-
 /// Most requests that wait for the render; more are turned away.
 const MOST_REQUESTS: usize = 64;
+
+/// What several clients may be sent.
+pub type Bytes = Arc<Vec<u8>>;
 
 /// What a client wants of the render.
 pub enum Request {
@@ -23,12 +24,12 @@ pub enum Request {
         /// Its sample.
         sample: u64,
         /// Gets the text.
-        reply: SyncSender<Vec<u8>>,
+        reply: SyncSender<Bytes>,
     },
     /// The picture as OpenEXR.
     Exr {
         /// Gets the file.
-        reply: SyncSender<Vec<u8>>,
+        reply: SyncSender<Bytes>,
     },
 }
 
@@ -66,20 +67,20 @@ impl ViewChange {
 /// The shared part.
 #[derive(Default)]
 pub struct Shared {
-    frame: Mutex<Option<Arc<Frame>>>,
+    frame: Mutex<Option<Bytes>>,
     state: Mutex<Arc<str>>,
     requests: Mutex<Vec<Request>>,
     arrived: Condvar,
 }
 
 impl Shared {
-    /// The last frame.
-    pub fn frame(&self) -> Option<Arc<Frame>> {
+    /// The last frame's file.
+    pub fn frame(&self) -> Option<Bytes> {
         held(&self.frame).clone()
     }
 
-    /// Shows another frame.
-    pub fn show(&self, frame: Frame) {
+    /// Shows another frame, by its file.
+    pub fn show(&self, frame: Vec<u8>) {
         *held(&self.frame) = Some(Arc::new(frame));
     }
 

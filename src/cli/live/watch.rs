@@ -12,15 +12,22 @@ use super::frame::Frame;
 use super::http::Server;
 use super::page::{Request, Shared, ViewChange};
 use super::tev::Tev;
+use crate::cli::args::Cli;
 use crate::cli::replay::story;
 use crate::cli::report::Verbosity;
 use crate::error::Result;
 use crate::film::Film;
 use crate::film::look::Look;
-use crate::render::{Render, Renderer, Snapshot};
+use crate::render::{Crop, Render, Renderer, Snapshot};
 
 /// Share of a render's time that showing it may take.
 const SHARE: f64 = 0.01;
+
+/// Options that the page says itself, and that say who sees it.
+const OF_THE_PAGE: [&str; 5] = ["address", "serve", "serve_anywhere", "exposure", "tone_map"];
+
+/// Options in the place of which the page puts its own, once the camera was moved.
+const OF_THE_CAMERA: [&str; 4] = ["camera_orbit", "look_at", "aperture_radius", "focus_distance"];
 
 /// Most points of the page's curve.
 const MOST_POINTS: usize = 400;
@@ -34,7 +41,7 @@ pub struct Watchers {
     page: Option<Page>,
     verbosity: Verbosity,
     version: u64,
-    /// What showing frames has taken, besides the first.
+    /// What showing the picture at hand and answering clients has taken, besides the very first frame.
     spent: Duration,
 }
 
@@ -62,8 +69,9 @@ struct State {
     done: bool,
     /// Where the camera stands, if it can be moved.
     view: Option<ViewChange>,
-    /// The command line that renders the same, but for the view.
+    /// The command line that renders the same, but for the camera, and what it says of that.
     command: String,
+    camera: String,
     plan: String,
 }
 
@@ -77,7 +85,17 @@ impl Page {
         shared.tell(serde_json::to_string(&State::default()).unwrap_or_default());
         let server = Server::start(address, anywhere, shared.clone())?;
         verbosity.note(format_args!("see it at {}", server.url));
-        Ok(Page { shared, state: State { command: command(), ..State::default() } })
+        let (command, camera) = command(&[]);
+        Ok(Page { shared, state: State { command, camera, ..State::default() } })
+    }
+
+    /// The command line that it shows is the one of a view of `size` and `spp` samples per pixel, which is lit by the
+    /// `studio` or not although nobody asked for it.
+    pub fn renders(&mut self, (width, height): (u32, u32), spp: u64, studio: bool) {
+        let (command, camera) = command(&["width", "height", "size", "spp"]);
+        let env = if studio { " --env studio" } else { "" };
+        self.state.command = format!("{command} --size {width}x{height} --spp {spp}{env}");
+        self.state.camera = camera;
     }
 
     /// Requests of clients.
@@ -85,13 +103,12 @@ impl Page {
         &self.shared
     }
 
-    /// A render by `renderer` begins, of a picture of `full` columns and rows in the end, from a camera that can be
-    /// moved or not.
-    pub fn begin(&mut self, renderer: &Renderer, full: [u32; 2], view: Option<ViewChange>) {
+    /// A render by `renderer` begins, of `window` of the picture in the end, from a camera that can be moved or not.
+    pub fn begin(&mut self, renderer: &Renderer, window: Crop, view: Option<ViewChange>) {
         let (plan, state) = (renderer.plan(), &mut self.state);
         state.scene = renderer.scene().file.display().to_string();
-        state.full = full;
-        state.origin = [plan.window.x, plan.window.y];
+        state.full = [window.width, window.height];
+        state.origin = [window.x, window.y];
         state.target = plan.limits.error;
         state.view = view;
         state.plan = renderer.record().to_string();
@@ -101,7 +118,7 @@ impl Page {
     /// Shows a frame of `film`.
     pub fn show(&mut self, film: &Film, elapsed: Duration, spp: u64) {
         self.state.version += 1;
-        self.shared.show(Frame::of(film, self.state.version));
+        self.shared.show(Frame::of(film).bytes());
         let error = film.error_estimate().map(|estimate| estimate.relmse.sqrt());
         (self.state.spp, self.state.seconds, self.state.error) = (spp, elapsed.as_secs_f64(), error);
         if let Some(error) = error.filter(|error| error.is_finite()) {
@@ -136,20 +153,24 @@ impl Page {
             let Request::Replay { pixel, sample, reply } = request else { continue };
             let text = renderer.replay(pixel, sample).map_or_else(|error| error.to_string(), |replay| story(&replay));
             // A client that has gone needs no answer.
-            let _ = reply.try_send(text.into_bytes());
+            let _ = reply.try_send(Arc::new(text.into_bytes()));
         }
     }
 
-    /// Answers those who want the picture as OpenEXR.
+    /// Answers those who want the picture as OpenEXR, which is made once for all that wait.
     pub fn answer_exr(&self, renderer: &Renderer, film: &Film) {
-        for request in self.shared.take(|request| matches!(request, Request::Exr { .. })) {
+        let requests = self.shared.take(|request| matches!(request, Request::Exr { .. }));
+        if requests.is_empty() {
+            return;
+        }
+        let path = std::env::temp_dir().join(format!("pathspace-view-{}.exr", std::process::id()));
+        let written = film.write_exr(&path, &renderer.exr_of(film));
+        let bytes = written.ok().and_then(|()| std::fs::read(&path).ok()).map(Arc::new);
+        let _ = std::fs::remove_file(&path);
+        for request in requests {
             let Request::Exr { reply } = request else { continue };
-            let path = std::env::temp_dir().join(format!("pathspace-view-{}.exr", std::process::id()));
-            let written = film.write_exr(&path, &renderer.exr_of(film));
-            let bytes = written.ok().and_then(|()| std::fs::read(&path).ok());
-            let _ = std::fs::remove_file(&path);
-            // Without a file the client is told so by the end of its wait.
-            let _ = bytes.map(|bytes| reply.try_send(bytes));
+            // Without a file the client is told so by the end of the channel.
+            let _ = bytes.clone().map(|bytes| reply.try_send(bytes));
         }
     }
 }
@@ -180,33 +201,39 @@ impl Watchers {
 
     /// The render begins; `look` is what a preview looks like.
     pub fn begin(&mut self, renderer: &Renderer, look: &Look) {
-        self.look = look.clone();
+        (self.look, self.spent) = (look.clone(), Duration::ZERO);
         if let Some(page) = &mut self.page {
-            let window = renderer.plan().window;
-            page.begin(renderer, [window.width, window.height], None);
+            page.begin(renderer, renderer.plan().window, None);
         }
     }
 
-    /// Called a few times a second.
-    pub fn meanwhile(&self, renderer: &Renderer) {
-        if let Some(page) = &self.page {
+    /// Called a few times a second, after `elapsed` of rendering.
+    pub fn meanwhile(&mut self, renderer: &Renderer, elapsed: Duration) {
+        if let Some(page) = self.page.as_ref().filter(|_| self.is_affordable(elapsed)) {
+            let started = Instant::now();
             page.answer_replays(renderer);
+            self.spent += started.elapsed();
         }
+    }
+
+    /// Whether what was shown so far has taken no more than its share of `elapsed`.
+    fn is_affordable(&self, elapsed: Duration) -> bool {
+        self.spent.as_secs_f64() <= SHARE * elapsed.as_secs_f64()
     }
 
     /// A pass has ended.
     pub fn show(&mut self, renderer: &Renderer, snapshot: &Snapshot) {
-        let affordable = self.spent.as_secs_f64() <= SHARE * snapshot.elapsed.as_secs_f64();
-        if affordable || self.version == 0 {
-            let (started, first) = (Instant::now(), self.version == 0);
-            self.version += 1;
-            self.show_now(snapshot.film, snapshot.elapsed, snapshot.spp, false);
-            if !first {
-                self.spent += started.elapsed();
-            }
+        let (started, first) = (Instant::now(), self.version == 0);
+        if !first && !self.is_affordable(snapshot.elapsed) {
+            return;
         }
+        self.version += 1;
+        self.show_now(snapshot.film, snapshot.elapsed, snapshot.spp, false);
         if let Some(page) = &self.page {
             page.answer_exr(renderer, snapshot.film);
+        }
+        if !first {
+            self.spent += started.elapsed();
         }
     }
 
@@ -233,7 +260,7 @@ impl Watchers {
             }
         }
         if let Some(tev) = self.tev.as_mut().filter(|tev| last || tev.is_due())
-            && let Err(error) = tev.show(&Frame::of(film, self.version))
+            && let Err(error) = tev.show(&Frame::of(film))
         {
             self.verbosity.note(format_args!("pathspace: warning: tev is left behind: {error}"));
             self.tev = None;
@@ -241,23 +268,23 @@ impl Watchers {
     }
 }
 
-/// This command line as one that renders: without what serves.
-fn command() -> String {
-    let mut words = std::env::args().skip(1).peekable();
-    let mut line = String::from("pathspace render");
-    words.next_if(|word| word == "view" || word == "render");
-    let mut value_follows = false;
-    for word in words {
-        let skipped = std::mem::replace(&mut value_follows, word == "--address");
-        if skipped || value_follows || word.starts_with("--serve") || word.starts_with("--address=") {
+/// This command line as one that renders, but for the options `left_out` and those that the page says itself; and what
+/// it says of the camera.
+fn command(left_out: &[&str]) -> (String, String) {
+    let (mut line, mut camera) = (String::from("pathspace render"), String::new());
+    for (option, words) in Cli::given() {
+        if OF_THE_PAGE.contains(&option.as_str()) || left_out.contains(&option.as_str()) {
             continue;
         }
-        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=%+#".contains(c);
-        line.push(' ');
-        match !word.is_empty() && word.chars().all(plain) {
-            true => line.push_str(&word),
-            false => line.push_str(&format!("'{}'", word.replace('\'', r"'\''"))),
+        let text = if OF_THE_CAMERA.contains(&option.as_str()) { &mut camera } else { &mut line };
+        for word in words {
+            let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=%+#".contains(c);
+            text.push(' ');
+            match !word.is_empty() && word.chars().all(plain) {
+                true => text.push_str(&word),
+                false => text.push_str(&format!("'{}'", word.replace('\'', r"'\''"))),
+            }
         }
     }
-    line
+    (line, camera)
 }
