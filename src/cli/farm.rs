@@ -23,6 +23,9 @@ use crate::film::atomic::write_atomically;
 /// Longest list of a task parameter that an OpenJD template may have.
 const MOST_LISTED: usize = 1024;
 
+/// Options of renders that name a file of each frame.
+const NAMING_FILES: [&str; 4] = ["--png", "--jpg", "--jpeg", "--stats"];
+
 /// Seconds between the warning and the end of a task.
 const NOTICE_SECONDS: u32 = 120;
 
@@ -84,13 +87,59 @@ pub enum Engine {
 impl FarmArgs {
     /// The words of a render of the first task, to be checked before anything is written.
     pub fn words(&self) -> Vec<String> {
-        let part = match &self.frames {
-            Some(frames) => ["--frames".to_string(), frames.0[0].to_string()],
-            None => ["--sample-range".to_string(), "0..1".to_string()],
+        let part = self.frames.as_ref().map_or("0..1".into(), |frames| frames.0[0].to_string());
+        let (scene, output) = (self.scene.to_string_lossy(), self.output.to_string_lossy());
+        self.task(str::to_owned, ["pathspace", &scene, &output], [&part, "state", "--resume", "state"])
+    }
+
+    /// The words of a task's render of `[program, scene, output]`. A shell expands the part, where its state is and how
+    /// it goes on from there; `word` spells all else.
+    fn task(&self, word: impl Fn(&str) -> String, files: [&str; 3], part: [&str; 4]) -> Vec<String> {
+        let ([program, scene, output], [part, state, resume @ ..]) = (files.map(&word), part);
+        let mut words = vec![program, "render".into(), scene];
+        words.extend(self.given().iter().map(|option| word(option)));
+        match self.frames {
+            Some(_) => words.extend(["--frames", part, "--skip-existing", "-o", &output].map(String::from)),
+            None => words.extend(["--sample-range", part].map(String::from)),
+        }
+        words.extend(["--checkpoint", "60s", state].map(String::from));
+        words.extend(resume.iter().filter(|word| !word.is_empty()).map(|word| word.to_string()));
+        words.extend(["--progress", self.engine.progress()].map(String::from));
+        words
+    }
+
+    /// The options of every render. A task may have a single one of the frames and does not know of the others: their
+    /// files are told apart here.
+    fn given(&self) -> Vec<String> {
+        let mut value_follows = false;
+        let option = |option: &String| {
+            let (name, value) = option.split_once('=').unwrap_or((option.as_str(), ""));
+            let names_file = NAMING_FILES.contains(&name);
+            match std::mem::replace(&mut value_follows, names_file && value.is_empty()) {
+                true => self.numbered(Path::new(option)).to_string_lossy().into_owned(),
+                false if names_file && !value.is_empty() => {
+                    format!("{name}={}", self.numbered(Path::new(value)).display())
+                }
+                false => option.clone(),
+            }
         };
-        let words =
-            ["pathspace", "render", &self.scene.to_string_lossy(), "--checkpoint", "60s", "a"].map(String::from);
-        words.into_iter().chain(part).chain(self.options.clone()).collect()
+        self.options.iter().map(option).collect()
+    }
+
+    /// A file's name with a place for the frame's number, where there are several.
+    fn numbered(&self, path: &Path) -> PathBuf {
+        let several = self.frames.as_ref().is_some_and(|frames| frames.0.len() > 1);
+        if several { frames::pattern(path) } else { path.into() }
+    }
+}
+
+impl Engine {
+    /// How its renders report.
+    fn progress(self) -> &'static str {
+        match self {
+            Engine::Slurm => "plain",
+            Engine::Openjd => "openjd",
+        }
     }
 }
 
@@ -113,6 +162,12 @@ pub fn run(args: &FarmArgs) -> Result<u8> {
         let problem = format!("{}: the name must end in .exr", args.output.display());
         return Err(Error::Option { option: "--output", problem });
     }
+    if args.engine == Engine::Openjd
+        && let Some(option) = args.options.iter().find(|option| option.contains("{{") || option.contains('\n'))
+    {
+        let problem = format!("'{option}' cannot stand in a template");
+        return Err(Error::Option { option: "RENDER OPTIONS", problem });
+    }
     fs::create_dir_all(args.job.join("parts")).map_err(|source| Error::io(&args.job, "make", source))?;
     fs::create_dir_all(args.job.join("logs")).map_err(|source| Error::io(&args.job, "make", source))?;
     let program = match &args.program {
@@ -124,7 +179,7 @@ pub fn run(args: &FarmArgs) -> Result<u8> {
         program: text(&program)?,
         scene: text(&absolute(&args.scene)?)?,
         folder: text(&absolute(&args.job)?)?,
-        output: text(&absolute(&args.output)?)?,
+        output: text(&absolute(&args.numbered(&args.output))?)?,
         parts: match &args.frames {
             Some(frames) => frame_lists(&frames.0, args.tasks as usize),
             None => sample_ranges(args.spp.unwrap_or(1), args.tasks),
@@ -178,17 +233,13 @@ impl Job<'_> {
     /// The words of a task's render for a shell, whose variables say which part (`part`), and of one by samples where
     /// its state is (`state`) and how it goes on from there (`resume`).
     fn render(&self) -> String {
-        let mut words = vec![quoted(&self.program), "render".into(), quoted(&self.scene)];
-        words.extend(self.args.options.iter().map(|option| quoted(option)));
-        words.push(match self.args.frames {
-            Some(_) => {
-                let state = quoted(&format!("{}/parts/f.####.checkpoint", self.folder));
-                let output = quoted(&self.output);
-                format!("--frames \"$part\" --skip-existing -o {output} --checkpoint 60s {state} --resume {state}")
-            }
-            None => "--sample-range \"$part\" --checkpoint 60s \"$state\" \"${resume[@]}\"".into(),
-        });
-        words.join(" ")
+        let files = [&self.program, &self.scene, &self.output].map(String::as_str);
+        let state = quoted(&format!("{}/parts/f.####.checkpoint", self.folder));
+        let part = match self.args.frames {
+            Some(_) => ["\"$part\"", &state, "--resume", &state],
+            None => ["\"$part\"", "\"$state\"", "\"${resume[@]}\"", ""],
+        };
+        self.args.task(quoted, files, part).join(" ")
     }
 
     /// Sets `state` and `resume` of a part by samples that is called `name`; frames find their states by their number.
@@ -222,7 +273,7 @@ impl Job<'_> {
 # A task that is warned saves its state, is requeued and goes on from it.
 parts=({parts})
 part=${{parts[$SLURM_ARRAY_TASK_ID]}}
-{resume}{render} --progress plain & pid=$!
+{resume}{render} & pid=$!
 trap 'kill -TERM $pid' TERM
 wait $pid; rc=$?                       # returns early when the trap runs
 while kill -0 $pid 2>/dev/null; do wait $pid; rc=$?; done
@@ -263,7 +314,7 @@ exit $rc
         let script = format!(
             "set -e\npart='{{{{Task.Param.Part}}}}'\n{}\
              # The render takes the place of the shell, because a cancelation reaches this process alone.\n\
-             exec {} --progress openjd\n",
+             exec {}\n",
             self.prepare("\"${part%%..*}\""),
             self.render()
         );

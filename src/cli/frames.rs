@@ -51,13 +51,19 @@ pub fn file(path: &Path, frame: u32, several: bool) -> PathBuf {
     let Some(name) = name(path) else { return path.into() };
     match place(name) {
         Some((before, width, after)) => path.with_file_name(format!("{before}{frame:0width$}{after}")),
-        None if several => {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            let extension = path.extension().map_or(String::new(), |end| format!(".{}", end.to_string_lossy()));
-            path.with_file_name(format!("{stem}.{frame:04}{extension}"))
-        }
+        None if several => file(&pattern(path), frame, true),
         None => path.into(),
     }
+}
+
+/// The name with a place for the number: `.####` before the extension, where it has none.
+pub fn pattern(path: &Path) -> PathBuf {
+    if name(path).is_none() || is_pattern(path) {
+        return path.into();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map_or(String::new(), |end| format!(".{}", end.to_string_lossy()));
+    path.with_file_name(format!("{stem}.####{extension}"))
 }
 
 fn name(path: &Path) -> Option<&str> {
@@ -107,6 +113,10 @@ mod tests {
         assert_eq!((named("f_%04d.exr", false), named("f%d.png", true)), ("f_0007.exr".into(), "f7.png".into()));
         assert_eq!((named("f.exr", true), named("f.exr", false)), ("f.0007.exr".into(), "f.exr".into()));
         assert_eq!(file(Path::new("f.##.exr"), 12345, true), Path::new("f.12345.exr"));
+        assert_eq!(
+            ["a/f.exr", "f.%d.exr", "f"].map(|path| pattern(Path::new(path))),
+            [PathBuf::from("a/f.####.exr"), PathBuf::from("f.%d.exr"), PathBuf::from("f.####"),]
+        );
         assert_eq!(named("100%.exr", false), "100%.exr");
         assert!(is_pattern(Path::new("a/#.exr")) && !is_pattern(Path::new("a#/b.exr")));
         assert!(is_pattern(Path::new("%03d.exr")) && !is_pattern(Path::new("%3d.exr")));
