@@ -16,6 +16,7 @@ use crate::backend::select::{self, Pins};
 use crate::error::{Error, Result};
 use crate::film::atomic::check_writable;
 use crate::film::look::Format;
+use crate::input;
 use crate::plan::options::ROULETTE_START;
 use crate::plan::{Aov, Gate};
 use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter};
@@ -145,9 +146,22 @@ impl Outputs {
         }
         outputs.check_files(
             [Some(&args.scene), args.settings.environment.env.as_ref(), args.reference.as_ref()],
+            args.production.resume.as_deref(),
             (args.make_path, args.sequence.is_on()),
         )?;
         Ok(outputs)
+    }
+
+    /// Takes the statistics of an earlier render away, which are not this one's. Other files of that name stay until
+    /// they are written over: the render may be refused because it reads them.
+    pub fn forget(&self) {
+        let Some(path) = self.stats.as_deref().filter(|path| *path != Path::new(STREAM)) else { return };
+        let earlier = input::read(path).ok();
+        let earlier = earlier.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+        if earlier.is_some_and(|earlier| earlier.get("schema").is_some()) {
+            // One that cannot be removed cannot be written over either, which is said then.
+            let _ = std::fs::remove_file(path);
+        }
     }
 
     /// Whether previews are made.
@@ -196,8 +210,14 @@ impl Outputs {
         Ok(())
     }
 
-    /// Each output can be written and is another file than the others and than the `inputs`.
-    fn check_files(&self, inputs: [Option<&PathBuf>; 3], (make_path, frames): (bool, bool)) -> Result<()> {
+    /// Each output can be written and is another file than the others and than the `inputs`; the checkpoint alone may
+    /// be the state that is gone on with.
+    fn check_files(
+        &self,
+        inputs: [Option<&PathBuf>; 3],
+        resume: Option<&Path>,
+        (make_path, frames): (bool, bool),
+    ) -> Result<()> {
         let inputs: Vec<PathBuf> = inputs.into_iter().flatten().filter_map(|path| path.canonicalize().ok()).collect();
         let mut places: Vec<PathBuf> = Vec::new();
         for (option, path) in self.files() {
@@ -213,6 +233,9 @@ impl Outputs {
             let place = place(path);
             if places.contains(&place) {
                 return refuse(option, format!("{} is named as two outputs", path.display()));
+            }
+            if option != "--checkpoint" && resume.is_some_and(|resume| self::place(resume) == place) {
+                return refuse(option, format!("{} is also read by this render", path.display()));
             }
             places.push(place);
         }

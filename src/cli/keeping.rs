@@ -40,16 +40,16 @@ pub fn settle(options: &mut RenderOptions, args: &ProductionArgs, earlier: Optio
 }
 
 /// What belongs to the states of `renderer`, which goes on from `earlier`, read from that file; `None` where none is
-/// saved or read.
+/// `saved` or read.
 ///
 /// # Errors
 /// [`Error::Option`] naming what differs, unless it is accepted.
 pub fn about(
     renderer: &Renderer,
-    args: &ProductionArgs,
+    (args, saved): (&ProductionArgs, bool),
     earlier: Option<(&Checkpoint, &Path)>,
 ) -> Result<Option<About>> {
-    if args.checkpoint.is_empty() && earlier.is_none() {
+    if !saved && earlier.is_none() {
         return Ok(None);
     }
     let mut about = About::of(renderer)?;

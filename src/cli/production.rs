@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Args;
 use clap::builder::PossibleValuesParser;
+use clap::{ArgGroup, Args};
 
 use super::frames::{self, Frames};
 use super::units::{self, ShutterAngle};
@@ -37,10 +37,10 @@ pub struct ProductionArgs {
     )]
     pub accept_different: Vec<String>,
     /// Render samples A to B − 1 of each pixel alone, a part for `merge`: A is a multiple of the power of two that is
-    /// not below B − A
+    /// not below B − A. The part is the --checkpoint, by default the output's name with .checkpoint
     #[arg(
-        long, value_name = "A..B", value_parser = units::sample_range, requires = "checkpoint",
-        conflicts_with_all = ["spp", "error", "pixel"], help_heading = "Production"
+        long, value_name = "A..B", value_parser = units::sample_range, conflicts_with_all = ["spp", "error", "pixel"],
+        help_heading = "Production"
     )]
     pub sample_range: Option<(u64, u64)>,
     /// Exit with 0 instead of 3 when time or samples end the render before its error target
@@ -50,6 +50,7 @@ pub struct ProductionArgs {
 
 /// Options of `render` about sequences of frames.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("sequence").args(["frames", "turntable"]).multiple(true)))]
 pub struct SequenceArgs {
     /// Render these frames: 1-100, 1-100x2 (every second), 1-100:2 (the same), 1,5,9-12. Names of outputs have a place
     /// for the number, f.####.exr or f.%04d.exr; without one .0001 goes before the extension
@@ -59,10 +60,20 @@ pub struct SequenceArgs {
     )]
     pub frames: Option<Frames>,
     /// Frames a second of the animations' time
-    #[arg(long, value_name = "N", default_value = "24", value_parser = units::rate, help_heading = "Frames")]
+    #[arg(
+        long, value_name = "N", default_value = "24", value_parser = units::rate, requires = "frames",
+        conflicts_with = "turntable", help_heading = "Frames"
+    )]
     pub fps: f64,
     /// Frame at which the animations' time is 0
-    #[arg(long, value_name = "FRAME", default_value_t = 0, help_heading = "Frames")]
+    #[arg(
+        long,
+        value_name = "FRAME",
+        default_value_t = 0,
+        requires = "frames",
+        conflicts_with = "turntable",
+        help_heading = "Frames"
+    )]
     pub frame_start: u32,
     /// Open the shutter for so much of a frame, 360 is all of it: from the frame's time on, or with `,centred` as long
     /// before as behind it (not before time 0) [default: no length, the scene stands still]
@@ -73,10 +84,10 @@ pub struct SequenceArgs {
     pub shutter_angle: Option<ShutterAngle>,
     /// The same random numbers in every frame, so that noise stands still [default: a seed for each frame, made of
     /// --seed and its number]
-    #[arg(long, help_heading = "Frames")]
+    #[arg(long, requires = "sequence", help_heading = "Frames")]
     pub fixed_seed: bool,
     /// Skip frames whose outputs are there and whose EXR is of the same scene and settings
-    #[arg(long, help_heading = "Frames")]
+    #[arg(long, requires = "sequence", help_heading = "Frames")]
     pub skip_existing: bool,
     /// Turn the camera once around the vertical axis through the scene's middle, in N frames from 1 on
     #[arg(
@@ -111,7 +122,12 @@ impl ProductionArgs {
         let refuse = |problem: &str| Err(Error::Option { option: "--checkpoint", problem: problem.into() });
         let duration = |path: &Path| path.to_str().and_then(|text| units::duration(text).ok());
         match &self.checkpoint[..] {
-            [] => Ok(None),
+            // A part without its state is no part.
+            [] => match (self.sample_range, output) {
+                (None, _) => Ok(None),
+                (Some(_), Some(output)) => Ok(Some((EVERY, output.with_extension("checkpoint")))),
+                (Some(_), None) => refuse("a part needs a file: --checkpoint FILE, or -o FILE.exr for one beside it"),
+            },
             [only] => match (duration(only), output) {
                 (None, _) => Ok(Some((EVERY, only.clone()))),
                 (Some(every), Some(output)) => Ok(Some((every, output.with_extension("checkpoint")))),
@@ -142,5 +158,10 @@ mod tests {
         assert_eq!(read(&["part.7"], None), expected(60, "part.7"));
         assert_eq!(read(&["2m", "part"], Some("a.exr")), expected(120, "part"));
         assert!(read(&["2m"], None).is_err() && read(&["part", "2m"], None).is_err());
+        // A part has its state beside it.
+        let part = ProductionArgs { sample_range: Some((0, 4)), ..Default::default() };
+        let beside = part.checkpoint(Some(Path::new("p.exr"))).map_err(|error| error.to_string());
+        assert_eq!(beside, expected(60, "p.checkpoint"));
+        assert!(part.checkpoint(None).is_err());
     }
 }

@@ -8,9 +8,10 @@
 //! `{"type":"progress","t":12.3,"spp":64,"pct":25.0, "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in
 //! seconds; err and target are relative RMSE, `null` when unknown or not asked for; mrays in 10⁶ rays a second), with
 //! an error target also `"predicted":{"seconds":52.4,"interval": [45.0,61.0],"spp":96}` of the whole render once the
-//! looks so far tell, then exactly one `completed` or `failed`. It was asked for, so it goes to stdout.
-//! `--progress openjd` writes `openjd_progress: PERCENT` and `openjd_status: TEXT` there each second, and `openjd_fail:
-//! TEXT` where the command failed.
+//! looks so far tell, then exactly one `completed` or `failed`; of a sequence, one `completed` for each frame that is
+//! rendered, and all lines of frames say which (`"frame":7`). It was asked for, so it goes to stdout.
+//! `--progress openjd` writes `openjd_progress: PERCENT` (of all frames) and `openjd_status: TEXT` there each second,
+//! and `openjd_fail: TEXT` where the command failed.
 
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
@@ -45,6 +46,18 @@ pub struct ProgressView {
     display: Display,
     /// Error target, if there is one.
     target: Option<f64>,
+    part: Option<PartOf>,
+}
+
+/// Which frame of a sequence is rendered.
+#[derive(Clone, Copy, Debug)]
+pub struct PartOf {
+    /// Its number.
+    pub frame: u32,
+    /// How many are done before it.
+    pub done: usize,
+    /// How many there are.
+    pub frames: usize,
 }
 
 enum Display {
@@ -76,6 +89,9 @@ struct ProgressLine {
     target: Option<f64>,
     eta: Option<f64>,
     mrays: f64,
+    /// The frame of a sequence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frame: Option<u32>,
     /// Of the whole render, where there is an error target: seconds, their 95 % interval, samples per pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     predicted: Option<PredictedLine>,
@@ -93,13 +109,26 @@ struct PredictedLine {
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 enum FinalLine<'a> {
-    Completed { t: f64, spp: f64, stop: &'static str, err: Option<f64>, target: Option<f64>, exit: u8 },
-    Failed { error: &'a str, exit: u8 },
+    Completed {
+        t: f64,
+        spp: f64,
+        stop: &'static str,
+        err: Option<f64>,
+        target: Option<f64>,
+        exit: u8,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        frame: Option<u32>,
+    },
+    Failed {
+        error: &'a str,
+        exit: u8,
+    },
 }
 
 impl ProgressView {
-    /// A view of the kind asked for. Quiet renders show progress only where it was asked for by name.
-    pub fn new(kind: ProgressKind, verbosity: Verbosity, target: Option<f64>) -> Self {
+    /// A view of the kind asked for, of a render or of a frame. Quiet renders show progress only where it was asked for
+    /// by name.
+    pub fn new(kind: ProgressKind, verbosity: Verbosity, target: Option<f64>, part: Option<PartOf>) -> Self {
         let terminal = io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|term| term != "dumb");
         let display = match kind {
             ProgressKind::Auto if verbosity == Verbosity::Quiet => Display::None,
@@ -112,7 +141,7 @@ impl ProgressView {
             ProgressKind::Openjd => Display::Openjd { last: None },
             ProgressKind::None => Display::None,
         };
-        ProgressView { display, target }
+        ProgressView { display, target, part }
     }
 
     /// Shows the state `p` of a running render.
@@ -176,12 +205,13 @@ impl ProgressView {
                 let pct = (1000.0 * p.fraction).round() / 10.0;
                 let predicted =
                     p.predicted.map(|p| PredictedLine { seconds: p.seconds, interval: p.seconds_interval, spp: p.spp });
-                let (spp, target) = (p.spp, self.target);
-                ndjson(&ProgressLine { r#type: "progress", t, spp, pct, err, target, eta, mrays, predicted });
+                let (spp, target, frame) = (p.spp, self.target, self.part.map(|part| part.frame));
+                ndjson(&ProgressLine { r#type: "progress", t, spp, pct, err, target, eta, mrays, frame, predicted });
             }
             Display::Openjd { last } => {
                 *last = Some(p.elapsed);
-                stdout_lines(&format!("openjd_progress: {:.1}\nopenjd_status: {}\n", 100.0 * p.fraction, facts()));
+                let share = self.part.map_or(p.fraction, |part| (part.done as f64 + p.fraction) / part.frames as f64);
+                stdout_lines(&format!("openjd_progress: {:.1}\nopenjd_status: {}\n", 100.0 * share, facts()));
             }
             Display::None => {}
         }
@@ -192,7 +222,8 @@ impl ProgressView {
         if let Display::Ndjson { .. } = self.display {
             let err = stats.error.map(|error| error.relmse.sqrt());
             let (t, spp, target) = (stats.seconds.total, stats.spp.mean, self.target);
-            ndjson(&FinalLine::Completed { t, spp, stop: stats.stop, err, target, exit });
+            let frame = self.part.map(|part| part.frame);
+            ndjson(&FinalLine::Completed { t, spp, stop: stats.stop, err, target, exit, frame });
         }
     }
 }
@@ -312,6 +343,7 @@ mod tests {
             target: Some(0.01),
             eta: Some(40.1),
             mrays: 31.2,
+            frame: None,
             predicted: None,
         };
         let expected =

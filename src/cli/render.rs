@@ -10,7 +10,7 @@ use super::job::{self, Fallback, Outputs, STREAM};
 use super::keeping::{self, Keeping};
 use super::live::watch::Watchers;
 use super::output::{EXIT_FAULT, EXIT_NONFINITE, EXIT_OK, EXIT_TARGET_MISSED, print, to_json, write_stdout};
-use super::progress::{self, ProgressView};
+use super::progress::{self, PartOf, ProgressView};
 use super::replay;
 use super::report::{Verbosity, stderr_line};
 use super::signal::Signals;
@@ -46,16 +46,22 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let signals = Signals::listen()?;
     job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
+    outputs.forget();
+    warn(args, &outputs);
+    render_to(args, &outputs, &signals, start)
+}
+
+/// Warns of what is given in vain.
+pub(super) fn warn(args: &RenderArgs, outputs: &Outputs) {
+    let verbosity = Verbosity::of(args.quiet, args.verbose);
     if let Some(option) = args.look.given().filter(|_| !outputs.has_previews()) {
-        let verbosity = Verbosity::of(args.quiet, args.verbose);
         verbosity.note(format_args!("pathspace: warning: {option} applies to previews alone: add --png FILE.png"));
     }
-    let result = render_to(args, &outputs, &signals, start);
-    if let (Err(_), Some(stats)) = (&result, &outputs.stats) {
-        // Those of an earlier render are not this one's. There may be none.
-        let _ = std::fs::remove_file(stats);
+    if let Some(asked) = args.settings.threads.filter(|&asked| machine::threads(asked as usize) < asked as usize) {
+        let most = machine::threads(asked as usize);
+        verbosity
+            .note(format_args!("pathspace: warning: --threads {asked} is more than helps here: {most} are started"));
     }
-    result
 }
 
 fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Instant) -> Result<u8> {
@@ -69,11 +75,6 @@ fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Ins
     drop(waiting);
     outputs.spare(&scene.inputs)?;
     verbosity.warnings(&scene.warnings);
-    if let Some(asked) = args.settings.threads.filter(|&asked| machine::threads(asked as usize) < asked as usize) {
-        let most = machine::threads(asked as usize);
-        verbosity
-            .note(format_args!("pathspace: warning: --threads {asked} is more than helps here: {most} are started"));
-    }
     let mut seconds = Seconds { load: start.elapsed().as_secs_f64(), ..Seconds::default() };
 
     let mut options = job::options(args, scene);
@@ -87,7 +88,8 @@ fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Ins
     verbosity.detail(renderer.record());
     verbosity.detail(renderer.need());
     let resume = args.production.resume.as_deref();
-    let frame = Frame { args, outputs, signals, options: frame_options, resume, key: None, watchers, seconds, start };
+    let (options, key, part) = (frame_options, None, None);
+    let frame = Frame { args, outputs, signals, options, resume, key, part, watchers, seconds, start };
     render_frame(&renderer, frame, earlier)
 }
 
@@ -104,6 +106,8 @@ pub(super) struct Frame<'f> {
     pub watchers: &'f RefCell<Watchers>,
     /// Fingerprint for its EXR.
     pub key: Option<String>,
+    /// Which one of a sequence it is.
+    pub part: Option<PartOf>,
     /// Times so far.
     pub seconds: Seconds,
     /// When the work for it began.
@@ -112,11 +116,12 @@ pub(super) struct Frame<'f> {
 
 /// Renders and writes one picture, from `earlier` if there is such a state; returns the exit code.
 pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Checkpoint>) -> Result<u8> {
-    let Frame { args, outputs, signals, options, resume, watchers, key, mut seconds, start } = frame;
+    let Frame { args, outputs, signals, options, resume, watchers, key, part, mut seconds, start } = frame;
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     // A first look asks for no error: it takes what it gets in its time.
     let target = options.error.filter(|_| args.error.is_some() || !args.quick);
-    let about = keeping::about(renderer, &args.production, earlier.as_ref().zip(resume))?;
+    let about =
+        keeping::about(renderer, (&args.production, outputs.checkpoint.is_some()), earlier.as_ref().zip(resume))?;
     let accepted = about.as_ref().map(|about| about.accepted.clone()).filter(|accepted| !accepted.is_empty());
     // What previews alone had gathered is not the EXR's.
     let plan = match args.look.layers().is_empty() {
@@ -139,7 +144,9 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
     };
     let curve = if args.quick { ToneMap::Neutral } else { ToneMap::Clip };
     let look = &if outputs.has_previews() { args.look.look(renderer, curve) } else { Look::default() };
-    let show = |render: &Render| match write_pictures(outputs, &render.film, &exr_of(render), (look, verbosity)) {
+    // Several pictures on stdout would be none.
+    let files = Outputs { stdout: false, ..outputs.clone() };
+    let show = |render: &Render| match write_pictures(&files, &render.film, &exr_of(render), (look, verbosity)) {
         Ok(written) => written.iter().for_each(|path| verbosity.note(format_args!("wrote {path} so far"))),
         Err(error) => stderr_line(format_args!("pathspace: error: {error}; the render goes on")),
     };
@@ -151,7 +158,7 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
         None => None,
     };
     signals.defer();
-    let mut view = ProgressView::new(args.progress, verbosity, target);
+    let mut view = ProgressView::new(args.progress, verbosity, target, part);
     let progress = |p: &Progress| {
         view.update(p);
         watchers.borrow_mut().meanwhile(renderer, p.elapsed);

@@ -10,7 +10,7 @@ use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, DVec3, Vec3};
 
 use super::args::RenderArgs;
 use super::frames;
@@ -18,8 +18,8 @@ use super::job::{self, Fallback, Outputs, STREAM};
 use super::keeping;
 use super::live::watch::Watchers;
 use super::output::EXIT_OK;
-use super::progress;
-use super::render::{Frame, render_frame};
+use super::progress::{self, PartOf};
+use super::render::{Frame, render_frame, warn};
 use super::report::Verbosity;
 use super::signal::Signals;
 use super::units::ShutterAngle;
@@ -69,6 +69,7 @@ impl<'s> Sequence<'s> {
             let problem = "only an .exr says of which scene and settings it is".into();
             return Err(Error::Option { option: "--skip-existing", problem });
         }
+        warn(args, &outputs);
         let verbosity = Verbosity::of(args.quiet, args.verbose);
         let name = args.output.as_ref().unwrap_or(&args.scene).display().to_string();
         let watchers = RefCell::new(Watchers::start(&args.live, &name, verbosity)?);
@@ -81,9 +82,11 @@ impl<'s> Sequence<'s> {
         if path.as_os_str() == STREAM {
             return Err(Error::Option { option: "--frames", problem: "the scene cannot come from stdin".into() });
         }
-        let mut scene = Scene::load_with(&path, &self.load_options(self.frames[0])?)?;
+        self.frames.iter().try_for_each(|&frame| self.load_options(frame).map(drop))?;
+        // Where a camera is placed to see all does not depend on which frames are rendered, here or elsewhere.
+        let mut scene = Scene::load_with(&path, &self.load_options(self.args.sequence.frame_start)?)?;
         self.prepare(&mut scene)?;
-        self.outputs.spare(&scene.inputs)?;
+        self.spare(&scene)?;
         self.verbosity.warnings(&scene.warnings);
         let files = self.digest(&scene)?;
         let mut progress = Progress { exit: EXIT_OK, done: 0 };
@@ -94,6 +97,15 @@ impl<'s> Sequence<'s> {
             self.moving((&path, scene), files, start, &mut progress)?;
         }
         Ok(progress.exit)
+    }
+
+    /// The files that are read are none of any frame's outputs.
+    fn spare(&self, scene: &Scene) -> Result<()> {
+        let environment = job::environment_file(&self.args.settings.environment);
+        let more = [Some(&self.args.scene), environment.as_ref(), self.args.reference.as_ref()];
+        let more = more.into_iter().flatten().filter_map(|path| path.canonicalize().ok());
+        let inputs: Vec<PathBuf> = scene.inputs.iter().cloned().chain(more).collect();
+        self.frames.iter().try_for_each(|&frame| self.of_frame(frame).spare(&inputs))
     }
 
     /// A scene that is the same in all frames but for the camera: one renderer.
@@ -121,7 +133,7 @@ impl<'s> Sequence<'s> {
                         renderer.retarget(&options)?;
                         renderer
                     }
-                    none => none.insert(Renderer::new(scene, options.clone())?),
+                    none => none.insert(self.build(scene, &options)?),
                 };
                 self.render(renderer, (frame, &outputs, key, options), (earlier, resume), start, progress)?;
             }
@@ -131,7 +143,7 @@ impl<'s> Sequence<'s> {
         Ok(())
     }
 
-    /// A scene that is another one in each frame; `scene` is the first.
+    /// A scene that is another one in each frame; `scene` is that at the start of the animations.
     fn moving(
         &self,
         (path, mut scene): (&Path, Scene),
@@ -140,7 +152,8 @@ impl<'s> Sequence<'s> {
         progress: &mut Progress,
     ) -> Result<()> {
         let mut start = start;
-        let mut at = self.frames[0];
+        let mut at = self.args.sequence.frame_start;
+        let placed = self.placed(&scene);
         for &frame in &self.frames {
             if self.is_over(progress) {
                 break;
@@ -152,11 +165,12 @@ impl<'s> Sequence<'s> {
                 if at != frame {
                     scene = Scene::load_again(path, &self.load_options(frame)?, &scene)?;
                     self.prepare(&mut scene)?;
+                    self.keep_placed(&mut scene, placed.as_ref());
                     at = frame;
                 }
                 let (earlier, resume) = self.earlier(frame)?;
                 let options = self.settled(options, earlier.as_ref());
-                let renderer = Renderer::new(&scene, options.clone())?;
+                let renderer = self.build(&scene, &options)?;
                 self.render(&renderer, (frame, &outputs, key, options), (earlier, resume), start, progress)?;
             }
             progress.done += 1;
@@ -170,6 +184,32 @@ impl<'s> Sequence<'s> {
         let settings = &self.args.settings;
         job::light(scene, &settings.environment, Fallback::of(self.args));
         job::look_from(settings, scene)
+    }
+
+    /// The camera that `--camera-orbit` has put somewhere in `scene`, and the origin that it is relative to.
+    fn placed(&self, scene: &Scene) -> Option<(Camera, DVec3)> {
+        self.args.settings.view.camera_orbit?;
+        Some((self.options(scene).camera.of(scene)?.clone(), scene.origin))
+    }
+
+    /// Puts the camera where it was `placed` at the start: the orbit is not fitted anew to what has moved.
+    fn keep_placed(&self, scene: &mut Scene, placed: Option<&(Camera, DVec3)>) {
+        let chosen = self.options(scene).camera;
+        let place = |chosen: &Camera| scene.cameras.iter().position(|camera| std::ptr::eq(camera, chosen));
+        let chosen = chosen.of(scene).and_then(place);
+        if let (Some((camera, origin)), Some(index)) = (placed, chosen) {
+            let moved = camera.moved((*origin - scene.origin).as_vec3());
+            scene.cameras[index].world_from_camera = moved.world_from_camera;
+        }
+    }
+
+    /// Makes a renderer, if it fits into memory.
+    fn build<'a>(&self, scene: &'a Scene, options: &RenderOptions) -> Result<Renderer<'a>> {
+        options.check_memory_for(scene)?;
+        let renderer = Renderer::new(scene, options.clone())?;
+        self.verbosity.detail(renderer.record());
+        self.verbosity.detail(renderer.need());
+        Ok(renderer)
     }
 
     /// Whether a signal has come.
@@ -189,6 +229,8 @@ impl<'s> Sequence<'s> {
         progress: &mut Progress,
     ) -> Result<()> {
         self.verbosity.note(format_args!("frame {frame} ({} of {})", progress.done + 1, self.frames.len()));
+        outputs.forget();
+        let part = PartOf { frame, done: progress.done, frames: self.frames.len() };
         let build = renderer.build_time().as_secs_f64();
         let load = (start.elapsed().as_secs_f64() - build).max(0.0);
         let frame = Frame {
@@ -198,6 +240,7 @@ impl<'s> Sequence<'s> {
             options,
             resume: resume.as_deref(),
             key: Some(key),
+            part: Some(part),
             watchers: &self.watchers,
             seconds: Seconds { load, build, ..Seconds::default() },
             start,
@@ -285,15 +328,17 @@ impl<'s> Sequence<'s> {
             environment.env.is_some().then(|| job::environment_file(environment).is_some()),
             (environment.env_rotation, environment.env_intensity),
         );
-        let view = &settings.view;
+        let (view, look) = (&settings.view, &self.args.look);
+        let previews = (look.exposure, look.tone_map, look.transparent, look.background, self.args.quick);
         let settings = format!(
-            "{:?} {:?} {:?} {environment:?} {view:?} {:?} {} {:?}",
+            "{:?} {:?} {:?} {environment:?} {view:?} {:?} {} {:?} {:?}",
             options.clone().threads(0),
             load.shutter,
             (&load.scene, &load.variant, &load.animation),
-            load.missing_texture,
+            (load.missing_texture, load.texture_budget.decoder, Fallback::of(self.args)),
             self.args.half,
             self.args.sequence.turntable.map(|turns| (turns, frame)),
+            (!self.outputs.previews.is_empty()).then_some(previews),
         );
         let key = settings.bytes().fold(files, |key, byte| mix(key, byte.into()));
         Ok(format!("{key:016x}"))
