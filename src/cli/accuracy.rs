@@ -41,7 +41,7 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
     let load_s = started.elapsed().as_secs_f64();
     let full = job::settings(&args.settings, scene);
     let mut base = full.clone();
-    if args.settings.width.is_none() && args.settings.height.is_none() && args.settings.crop.is_none() {
+    if !args.settings.is_sized() {
         base = picture::sized(base, given.as_ref().map(|(_, picture)| picture));
     }
     base.check_memory()?;

@@ -124,7 +124,7 @@ fn words_of(arg: &clap::Arg, matches: &ArgMatches) -> Vec<String> {
     words
 }
 
-/// `words` with `render --quick` before a scene that no command stands before.
+/// `words` with `render --quick` before a scene that no command stands before, nor a word that may be meant as one.
 fn with_command(mut words: Vec<OsString>) -> Vec<OsString> {
     let commands = Cli::command();
     let is_command = |word: &OsString| {
@@ -137,6 +137,10 @@ fn with_command(mut words: Vec<OsString>) -> Vec<OsString> {
             path.extension().is_some_and(|e| ["gltf", "glb"].iter().any(|scene| e.eq_ignore_ascii_case(scene)));
         ending || word == "-" || path.is_dir()
     };
+    let is_option = |word: &OsString| word.as_encoded_bytes().starts_with(b"-");
+    if words.get(1).is_some_and(|word| !is_option(word) && !is_scene(word)) {
+        return words;
+    }
     let first = words.iter().skip(1).position(|word| is_command(word) || is_scene(word));
     if first.is_some_and(|at| is_scene(&words[at + 1]) && !is_command(&words[at + 1])) {
         words.splice(1..1, ["render".into(), "--quick".into()]);
@@ -461,6 +465,13 @@ pub struct SettingsArgs {
     pub no_plan: bool,
 }
 
+impl SettingsArgs {
+    /// Whether the picture's size or window was given.
+    pub fn is_sized(&self) -> bool {
+        self.width.or(self.height).is_some() || self.view.size.is_some() || self.crop.is_some()
+    }
+}
+
 /// What of a file is shown, and when, as `render` and `info` take it.
 #[derive(Clone, Debug, Args)]
 pub struct ContentArgs {
@@ -582,7 +593,8 @@ pub struct InfoArgs {
 #[command(
     allow_negative_numbers = true,
     after_help = "\
-Exit codes, as those of idiff: 0 ok, 1 warning, 2 failure, 3 the images differ in size, 4 an image is not readable.\n\
+Exit codes, as those of idiff: 0 ok, 1 warning, 2 failure, 3 the images differ in size, 4 a file cannot be read \
+or written.\n\
 A pixel fails (or warns) when one of its channels differs by more than the threshold. Pixels that are not \
 finite fail.\n\
 relMSE = mean of (A − B)²/(B² + ε) with ε = 0.01·mean(B)²; trimmed: without the worst 0.1 % of pixels. \
@@ -891,5 +903,7 @@ mod tests {
         {
             assert_eq!(of(line), line);
         }
+        // A command with a slip is told what was meant.
+        assert_eq!(of("pathspace rendr a.glb"), "pathspace rendr a.glb");
     }
 }

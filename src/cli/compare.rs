@@ -1,5 +1,5 @@
 //! `pathspace compare`: metrics of an image against a reference, and a verdict with the exit codes of OpenImageIO's
-//! `idiff`: 0 ok, 1 warning, 2 failure, 3 different size, 4 not readable.
+//! `idiff`: 0 ok, 1 warning, 2 failure, 3 different size, 4 a file cannot be read or written.
 
 use std::path::Path;
 
@@ -14,11 +14,22 @@ use crate::film::look::{Format, Preview, srgb_byte};
 
 /// Exit code: the images have different windows.
 const EXIT_DIFFERENT_SIZE: u8 = 3;
-/// Exit code: an image cannot be read.
-const EXIT_NOT_READABLE: u8 = 4;
+/// Exit code: an image cannot be read, or what was found cannot be written.
+const EXIT_NO_FILE: u8 = 4;
 
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<u8> {
+    match check_and_compare(args) {
+        // 1 would be a verdict.
+        Err(error @ (Error::Io { .. } | Error::Image { .. })) => {
+            stderr_line(format_args!("pathspace: error: {error}"));
+            Ok(EXIT_NO_FILE)
+        }
+        ended => ended,
+    }
+}
+
+fn check_and_compare(args: &CompareArgs) -> Result<u8> {
     if let Some(path) = &args.output {
         if Format::of(path) != Some(Format::Png) {
             let problem = format!("{}: the name must end in .png", path.display());
@@ -32,7 +43,7 @@ pub fn run(args: &CompareArgs) -> Result<u8> {
             for error in image.err().into_iter().chain(reference.err()) {
                 stderr_line(format_args!("pathspace: error: {error}"));
             }
-            Ok(EXIT_NOT_READABLE)
+            Ok(EXIT_NO_FILE)
         }
     }
 }
@@ -47,13 +58,15 @@ fn read(path: &Path) -> Result<Picture> {
 }
 
 /// How far `image` is from `reference` in each pixel, relative to the reference, or to a tenth of its mean where that
-/// is more.
+/// is more. What is not finite is as far as can be.
 fn difference(image: &Picture, reference: &Picture) -> Preview {
     let grey = |rgb: &[f32; 3]| rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0;
-    let mean = reference.rgb.iter().map(grey).sum::<f64>() / reference.rgb.len().max(1) as f64;
+    let finite = reference.rgb.iter().map(grey).filter(|grey| grey.is_finite());
+    let mean = finite.sum::<f64>() / reference.rgb.len().max(1) as f64;
     let bytes = image.rgb.iter().zip(&reference.rgb).flat_map(|(a, b)| {
         let off = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / 3.0;
         let e = off / grey(b).max(0.1 * mean).max(f64::MIN_POSITIVE);
+        let e = if e.is_nan() { 1.0 } else { e };
         [3.0 * e, 4.0 * e - 0.6, 0.5 - 3.0 * (e - 0.15).abs()].map(srgb_byte)
     });
     Preview { width: image.width as u32, height: image.height as u32, alpha: false, bytes: bytes.collect() }
@@ -116,4 +129,28 @@ fn text(r: &Judgement) -> String {
             Verdict::Failure => "failure",
         }
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Oracle: the ends of the scale by hand, black and yellow.
+    #[test]
+    fn pixels_that_are_no_number_are_the_worst() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let picture = |name: &str, value: f64| {
+            let window = crate::render::Crop { x: 0, y: 0, width: 2, height: 1 };
+            let mut film = crate::film::Film::new((2, 1), window);
+            film.pixels.iter_mut().for_each(|pixel| pixel.add(0, [1.0; 3], 1.0, 1.0));
+            film.pixels[1].sum[0][0] = value;
+            let path = folder.path().join(name);
+            film.write_exr(&path, &crate::film::exr::ExrOptions::default()).expect("a writable folder");
+            read_exr(&path).expect("just written")
+        };
+        let (plain, broken) = (picture("a.exr", 1.0), picture("b.exr", f64::NAN));
+        for (image, reference) in [(&broken, &plain), (&plain, &broken)] {
+            assert_eq!(difference(image, reference).bytes, [0, 0, srgb_byte(0.05), 255, 255, 0]);
+        }
+    }
 }

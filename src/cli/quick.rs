@@ -24,9 +24,7 @@ pub fn options(args: &RenderArgs, options: RenderOptions) -> RenderOptions {
 
 /// `options` of a size for a first look, where none was given.
 pub fn sized(settings: &SettingsArgs, options: RenderOptions) -> RenderOptions {
-    let view = &settings.view;
-    let given = settings.width.or(settings.height).is_some() || view.size.is_some() || settings.crop.is_some();
-    let (width, height) = match given {
+    let (width, height) = match settings.is_sized() {
         true => (options.width, options.height),
         false => size(f64::from(options.width) / f64::from(options.height)),
     };
