@@ -250,6 +250,8 @@ fn compare_has_the_exit_codes_of_idiff() {
     let output = run(4, &["compare", a, text(&broken)]);
     assert!(err(&output).contains("broken.exr") && out(&output).is_empty());
     run(4, &["compare", a, "no-such-image.exr"]);
+    // Where the difference cannot be written there is no verdict.
+    run(4, &["compare", a, b, "-o", "no-such-folder/difference.png"]);
 
     // A picture of the difference: all black but for the pixel that is off by half of what is there, which is yellow.
     let drawn = path("diff.png");

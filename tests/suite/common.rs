@@ -1,6 +1,8 @@
 //! What the transport tests share: rendering a scene made in code, probing one ray, the shared folder.
 
+use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
+use std::process::Child;
 
 use glam::{Affine3A, Vec3};
 use pathspace::film::Film;
@@ -29,6 +31,18 @@ pub fn options(width: u32, height: u32, spp: u64) -> RenderOptions {
 pub fn render(scene: &Scene, options: RenderOptions) -> Render {
     let renderer = Renderer::new(scene, options).unwrap_or_else(|e| panic!("{e}"));
     renderer.render().unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Waits until a child with `--progress ndjson` and a pipe for stdout says that every pixel has a sample. What it says
+/// from then on is read by a thread, so that it never waits for room in the pipe.
+pub fn wait_for_samples(child: &mut Child) {
+    let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines().map_while(Result::ok);
+    let has_samples = |line: String| {
+        let line: serde_json::Value = serde_json::from_str(&line).expect("an object a line");
+        line["type"] == "progress" && line["spp"].as_u64() > Some(0)
+    };
+    assert!(lines.any(has_samples), "it ended before every pixel had a sample");
+    std::thread::spawn(move || lines.for_each(drop));
 }
 
 /// Means of independent estimates: count, mean and the variance of one estimate, per channel.

@@ -15,6 +15,7 @@ use pathspace::scene::{LoadOptions, MissingTexture};
 use pathspace::{Renderer, Scene};
 use serde_json::json;
 
+use crate::common::wait_for_samples;
 use crate::loading::fixture::{Fixture, write};
 
 /// The scene that the rendering tests use.
@@ -175,10 +176,11 @@ fn a_hang_up_and_a_folder_that_vanishes_keep_the_picture() {
     let folder = outer.path().join("folder");
     std::fs::create_dir(&folder).expect("a temporary folder");
     let (scene, picture) = (cornell_box(), folder.join("o.exr"));
-    let size = ["--width", "64", "--height", "64", "--spp", "1000000000", "--progress", "ndjson", "-v"];
-    let args = [&["render", text(&scene), "-o", text(&picture)][..], &size].concat();
-    let mut child = start(&args, "simulated");
-    std::thread::sleep(Duration::from_millis(800));
+    let size = ["--width", "64", "--height", "64", "--spp", "1000000000", "--progress", "ndjson", "-q"];
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("pathspace"));
+    command.args(["render", text(&scene), "-o", text(&picture)]).args(size).stdout(Stdio::piped());
+    let mut child = command.spawn().expect("the binary starts");
+    wait_for_samples(&mut child);
     std::fs::remove_dir_all(&folder).expect("a folder");
     signal(&child, "HUP");
     assert_eq!(child.wait().expect("it ends").code(), Some(129));
@@ -208,13 +210,10 @@ fn a_signal_while_loading_keeps_the_older_picture() {
     let grid = grid.set("/meshes/0/primitives/0", json!({"attributes": {"POSITION": positions}, "indices": indices}));
     let scene = grid.write(folder.path());
     let picture = write(folder.path(), "o.exr", b"older");
-    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("pathspace"));
-    let mut child = command.args(["render", text(&scene), "-o", text(&picture)]).spawn().expect("the binary starts");
-    std::thread::sleep(Duration::from_millis(60));
+    // Where it is served is said behind the handler of signals and before the scene is read.
+    let mut child = start(&["render", text(&scene), "-o", text(&picture), "--serve=127.0.0.1:0"], "see it at");
     signal(&child, "INT");
-    let ended = child.wait().expect("it ends");
-    // Without a code it was too early for the handler.
-    assert!(ended.code().is_none_or(|code| code == 130), "{ended}");
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
     assert_eq!(std::fs::read(&picture).expect("a file"), b"older");
 }
 
@@ -271,11 +270,22 @@ fn names_are_printed_as_text() {
 #[test]
 fn records_are_of_this_render() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (scene, stats) = (cornell_box(), write(folder.path(), "s.json", b"{}"));
+    let (scene, stats) = (cornell_box(), write(folder.path(), "s.json", br#"{"schema":1}"#));
     let broken = write(folder.path(), "broken.gltf", b"{}");
     let picture = folder.path().join("o.exr");
     let output = run(&["render", text(&broken), "-o", text(&picture), "--stats", text(&stats)]);
     assert!(output.status.code() == Some(4) && !stats.exists(), "{}", err(&output));
+    // What is no such record stays, although it bears the name.
+    let image = write(folder.path(), "white.json", &image_1x1());
+    let textured = Fixture::quad()
+        .set("/textures", json!([{"source": 0}]))
+        .set("/images", json!([{"uri": "white.json"}]))
+        .set("/materials/0/pbrMetallicRoughness", json!({"baseColorTexture": {"index": 0}}));
+    let textured = textured.write(folder.path());
+    let args = ["render", text(&textured), "-o", text(&picture), "--stats", text(&image), "--spp", "1"];
+    let output = run(&args);
+    assert_eq!(output.status.code(), Some(2), "{}", err(&output));
+    assert_eq!(std::fs::read(&image).expect("a file"), image_1x1());
 
     let reference = folder.path().join("nan.exr");
     let mut film = pathspace::film::Film::new((8, 8), pathspace::render::Crop { x: 0, y: 0, width: 8, height: 8 });
@@ -325,7 +335,7 @@ fn absurd_numbers_are_answered_at_once() {
 fn memory_is_known_before_it_is_taken() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (scene, picture, stats) = (cornell_box(), folder.path().join("o.exr"), folder.path().join("s.json"));
-    let (scene, files) = (text(&scene), ["-o", text(&picture), "--stats", text(&stats), "-v", "--spp", "1"]);
+    let (scene, files) = (text(&scene), ["-o", text(&picture), "--stats", text(&stats), "-v", "--spp", "1", "-t", "2"]);
     let output = run(&[&["render", scene, "--width", "1000", "--height", "1000", "--aov", "Z"][..], &files].concat());
     assert!(err(&output).contains("memory      "), "{}", err(&output));
     let record: serde_json::Value =
@@ -340,7 +350,7 @@ fn memory_is_known_before_it_is_taken() {
         command.args(["-c", &script, "sh", text(binary)]).args(args).env_remove("RUST_BACKTRACE");
         command.timeout(Duration::from_secs(60)).output().expect("a shell")
     };
-    let large = [&["render", scene, "--width", "8000", "--height", "8000", "-t", "2"][..], &files].concat();
+    let large = [&["render", scene, "--width", "8000", "--height", "8000"][..], &files].concat();
     let output = limited(1500, &large);
     let told = err(&output);
     let refusals: Vec<&str> = told.lines().filter(|line| line.contains("error")).collect();

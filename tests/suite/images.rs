@@ -592,16 +592,16 @@ mod through_oiio {
         let (path, [file, _]) = two_tiled(directory.path());
         let picture = directory.path().join("out.exr");
         let mut child = Command::new(env!("CARGO_BIN_EXE_pathspace"))
-            .args(["render", "-v", "--width", "64", "--height", "32", "--spp", "100000000", "--texture-memory", "24"])
+            .args(["render", "--width", "64", "--height", "32", "--spp", "100000000", "--texture-memory", "24"])
+            .args(["--progress", "ndjson"])
             .arg(&path)
             .args([Path::new("-o"), &picture])
+            .stdout(std::process::Stdio::piped())
             .stderr(std::process::Stdio::piped())
             .spawn()
             .expect("the binary starts");
-        let mut lines = std::io::BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
-        assert!(lines.any(|line| line.contains("simulated")), "it renders");
-        // Some passes.
-        std::thread::sleep(std::time::Duration::from_millis(500));
+        crate::common::wait_for_samples(&mut child);
+        let lines = std::io::BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
         std::fs::File::options().write(true).open(&file).expect("there").set_len(5000).expect("cut");
         let errors: Vec<String> = lines.filter(|line| line.contains("error")).collect();
         assert_eq!(child.wait().expect("it ends").code(), Some(1), "{errors:?}");

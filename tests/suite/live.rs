@@ -2,7 +2,7 @@
 //! sources state it, HTTP by hand, and the picture that is written in the end. Waits have limits; nothing else depends
 //! on time.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -132,8 +132,8 @@ fn a_view_is_seen_moved_and_saved() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = cornell_box();
     let scene = scene.to_str().expect("a plain name");
-    let mut view =
-        Running::start(folder.path(), &["view", scene, "--address", "127.0.0.1:0", "--size", "16x12", "-s", "8"]);
+    let options = ["--address", "127.0.0.1:0", "--size", "16x12", "-s", "8", "--camera-orbit", "-10,5"];
+    let mut view = Running::start(folder.path(), &[&["view", scene][..], &options].concat());
     let page = String::from_utf8(view.get("/")).expect("UTF-8");
     // Nothing from elsewhere.
     assert!(page.contains("<canvas") && !page.contains("https:") && !page.contains("src="));
@@ -145,10 +145,16 @@ fn a_view_is_seen_moved_and_saved() {
     let story = String::from_utf8(view.get("/replay?x=8&y=6&sample=3")).expect("UTF-8");
     assert!(story.starts_with("pixel 8,6 sample 3: camera ray"), "{story}");
     assert!(view.get("/picture.exr").starts_with(&[0x76, 0x2f, 0x31, 0x01]));
-    assert!(
-        done["command"].as_str().is_some_and(|line| line.contains("render") && !line.contains("address")),
-        "{done}"
-    );
+    // The command line renders the same view, in every bit.
+    let [line, camera] = ["command", "camera"].map(|key| done[key].as_str().expect("a line"));
+    let line = format!("{line}{camera}");
+    let words: Vec<&str> = line.split(' ').skip(1).chain(["-q", "-o", "same.exr"]).collect();
+    assert!(pathspace(folder.path()).args(&words).status().expect("it starts").success(), "{line}");
+    let same = pathspace::film::exr::read_exr(&folder.path().join("same.exr")).expect("just written");
+    let shown = |pixel: usize, channel: usize| f32::from_bits(number(&picture, 8 + 16 * pixel + 4 * channel));
+    for (i, rgb) in same.rgb.iter().enumerate() {
+        assert_eq!(*rgb, [0, 1, 2].map(|channel| shown(i, channel)), "pixel {i}: {line}");
+    }
 
     // Another view: only from the page itself, and only one that a camera can take.
     let mut moved = done["view"].clone();
@@ -166,18 +172,38 @@ fn a_view_is_seen_moved_and_saved() {
     assert!(turned["version"].as_u64() > done["version"].as_u64());
     assert!(view.get("/picture") != picture, "another camera sees another picture");
 
+    // One that no camera can take after all leaves the last one, and the page goes on.
+    let mut nowhere = moved.clone();
+    nowhere["target"] = serde_json::json!([1e39, 0.0, 0.0]);
+    assert!(post(&nowhere.to_string(), ours).starts_with("HTTP/1.1 200"));
+    let version = turned["version"].as_u64();
+    view.state(|state| state["done"] == true && state["version"].as_u64() > version && state["view"] == moved);
+
     // What is no request, comes from another origin, is too long, or never ends: turned away, and the rest works.
     for (request, status) in [
         ("GET / HTTP/1.1\r\nHost: example.org\r\n\r\n".to_owned(), "403"),
+        ("GET /state HTTP/1.1\r\nHost: localhost\r\nSec-Fetch-Site: cross-site\r\n\r\n".into(), "403"),
+        ("GET /state HTTP/1.1\r\nHost: localhost\r\nSec-Fetch-Site: same-origin\r\n\r\n".into(), "200"),
         ("GET /../etc/passwd HTTP/1.1\r\nHost: localhost\r\n\r\n".into(), "404"),
         ("\0\0\0\0 nonsense\r\n\r\n".into(), "400"),
         (format!("POST /view HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n", u64::MAX), "400"),
     ] {
         assert!(view.ask(&request).0.contains(status), "{request}");
     }
-    let hanging: Vec<_> = (0..100).map(|_| TcpStream::connect(&view.address).expect("it listens")).collect();
-    assert!(!view.get("/state").is_empty());
+    let connect = |_| TcpStream::connect(&view.address).expect("it listens");
+    let mut hanging: Vec<_> = (0..100).map(connect).collect();
+    view.get("/state");
+    // Beyond what is served at a time they are turned away at once; there is room again when others have gone.
+    hanging.extend((100..200).map(connect));
+    let last = hanging.last_mut().expect("200 of them");
+    last.set_read_timeout(Some(Duration::from_secs(6))).expect("a socket");
+    let waits = |error: std::io::Error| matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut);
+    assert!(last.read(&mut [0]).map_or_else(|error| !waits(error), |n| n == 0), "it was let in");
     drop(hanging);
+    let started = Instant::now();
+    while !view.ask("GET /state HTTP/1.1\r\nHost: localhost\r\n\r\n").0.starts_with("HTTP/1.1 200") {
+        assert!(started.elapsed() < PATIENCE, "nobody is let in any more");
+    }
 
     let kill = Command::new("sh").args(["-c", &format!("kill -INT {}", view.child.id())]).status();
     assert!(kill.is_ok_and(|status| status.success()));

@@ -1,9 +1,18 @@
 //! Renders that are killed, gone on with, split and joined, by the built binary. Oracle: one render without all that,
 //! bit for bit (`film_hash`, and the EXR byte for byte with `--reproducible`). Deterministic, whenever the kills come.
 
+use std::io::{BufRead, BufReader};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
+
+use pathspace::render::checkpoint::Checkpoint;
+use pathspace::render::{Keeper, Render, State, StopReason};
+use pathspace::{RenderOptions, Renderer};
+use serde_json::json;
+
+use crate::loading::fixture::Fixture;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box/scene.gltf");
 
@@ -89,36 +98,39 @@ fn signal(child: &Child, name: &str) {
 #[test]
 fn killed_renders_go_on_to_the_same_bits() {
     let b = Bench::new();
-    // An odd number of samples, so that there are several blocks.
-    let args = "--width 16 --height 12 --spp 151 --aov bounces,albedo,Z --reproducible";
+    let common = "--width 16 --height 12 --aov bounces,albedo,Z --reproducible";
     let render = |args: &str| b.command(&[&["render", SCENE, "-q"][..], &args.split(' ').collect::<Vec<_>>()].concat());
-    b.run(0, render(&format!("{args} -o whole.exr --stats whole.json")));
     let checkpoint = b.path("run.checkpoint");
-    let args = format!("{args} -o run.exr --stats run.json --checkpoint 5ms");
+    let args = format!("{common} -o run.exr --stats run.json --checkpoint 5ms");
     let age = || std::fs::metadata(&checkpoint).and_then(|data| data.modified()).ok();
-    let mut kills = 0;
     for round in 0..KILLS {
         let (before, resume) = (age(), if checkpoint.exists() { " --resume run.checkpoint" } else { "" });
-        let mut child = render(&format!("{args}{resume}")).stderr(Stdio::null()).spawn().expect("the binary starts");
+        // Far more than is ever rendered.
+        let mut command = render(&format!("{args} --spp 1000000000{resume}"));
+        let mut child = command.stderr(Stdio::null()).spawn().expect("the binary starts");
         while age() == before && child.try_wait().expect("a child").is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }
         // Some moment after the first checkpoint: while one is written, or between two.
         std::thread::sleep(Duration::from_millis(7 * round % 20));
-        if child.try_wait().expect("a child").is_none() {
-            child.kill().and_then(|()| child.wait()).expect("a child that runs");
-            kills += 1;
-        }
+        assert!(child.try_wait().expect("a child").is_none(), "it runs until it is killed");
+        child.kill().and_then(|()| child.wait()).expect("a child that runs");
     }
-    b.run(0, render(&format!("{args} --resume run.checkpoint")));
-    assert!(kills > 0, "no run was killed");
-    assert_eq!(b.stat("run.json", "film_hash"), b.stat("whole.json", "film_hash"), "{kills} kills");
+    let state = Checkpoint::restore(&checkpoint).expect("whole");
+    // An odd number of samples, so that there are several blocks.
+    let spp = state.render.film.spp().max.next_multiple_of(64) + 23;
+    b.run(0, render(&format!("{args} --spp {spp} --resume run.checkpoint")));
+    b.run(0, render(&format!("{common} --spp {spp} -o whole.exr --stats whole.json")));
+    assert_eq!(b.stat("run.json", "film_hash"), b.stat("whole.json", "film_hash"), "{spp} spp");
     assert_eq!(b.stat("run.json", "paths"), b.stat("whole.json", "paths"));
     assert_eq!(b.bytes("run.exr"), b.bytes("whole.exr"));
     let files = ["run.checkpoint", "run.exr", "run.json", "whole.exr", "whole.json"];
-    // Between link and rename a kill may leave a name behind (film/atomic.rs).
-    let partial = |name: &String| name.starts_with(".run.") && name.ends_with(".partial");
-    assert_eq!(b.names().into_iter().filter(|name| !partial(name)).collect::<Vec<_>>(), files);
+    assert_eq!(b.names().into_iter().filter(|name| !is_partial(name)).collect::<Vec<_>>(), files);
+}
+
+/// Between link and rename a kill may leave a name behind (film/atomic.rs).
+fn is_partial(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".partial")
 }
 
 #[test]
@@ -146,7 +158,7 @@ fn signals_save_the_state_and_usr1_the_picture_so_far() {
 impl Bench {
     /// Resumes `a.checkpoint` to twice its samples, and compares with one render; the samples that were done.
     fn stat_of_resumed(&self) -> u64 {
-        let state = pathspace::render::checkpoint::Checkpoint::restore(self.path("a.checkpoint")).expect("saved");
+        let state = Checkpoint::restore(self.path("a.checkpoint")).expect("saved");
         let spp = state.render.film.spp();
         let target = (spp.max + 1).next_multiple_of(8);
         self.run(0, self.render(&format!("--spp {target} -o b.exr --stats b.json --resume a.checkpoint")));
@@ -173,6 +185,43 @@ fn error_targets_are_resumed_where_they_were() {
     b.run(0, b.render("--error 0.1% --spp 8 -o d.exr --best-effort"));
 }
 
+/// Takes every state that has as many samples everywhere: those after a pass, before the error is checked, among them.
+#[derive(Default)]
+struct Keep(Vec<Render>);
+
+impl Keeper for Keep {
+    fn is_due(&mut self) -> bool {
+        true
+    }
+
+    fn keep(&mut self, state: State) {
+        let render = state.into_render();
+        let spp = render.film.spp();
+        if spp.min == spp.max && spp.min > 0 && self.0.last().is_none_or(|last| last.film.spp() != spp) {
+            self.0.push(render);
+        }
+    }
+}
+
+/// A state from between the end of a pass and the check of the error that was due comes to the same end: the check is
+/// made at once. Oracle: the render without a stop. Deterministic.
+#[test]
+fn checks_that_were_due_are_made_when_a_render_goes_on() {
+    let scene = pathspace::Scene::load(SCENE).expect("an own scene");
+    let renderer = Renderer::new(&scene, RenderOptions::new(32, 24).error(0.4)).expect("valid options");
+    let mut kept = Keep::default();
+    let whole = renderer.render_kept(None, |_| ControlFlow::Continue(()), None, &mut kept).expect("it renders");
+    let spp = whole.film.spp().max;
+    assert_eq!(whole.stop, StopReason::Error);
+    assert_eq!(kept.0.last().map(|last| last.film.spp().max), Some(spp), "the last state is from before the check");
+    for state in kept.0 {
+        let from = state.film.spp().max;
+        let resumed = renderer.resume(state).expect("goes on");
+        assert_eq!((resumed.film.spp().max, resumed.stop), (spp, StopReason::Error), "from {from}");
+        assert_eq!(resumed.film.digest(), whole.film.digest(), "from {from}");
+    }
+}
+
 #[test]
 fn other_renders_are_not_gone_on_with() {
     let b = Bench::new();
@@ -187,6 +236,9 @@ fn other_renders_are_not_gone_on_with() {
     refused(2, "--spp 4 --resume a.checkpoint --max-depth 3", "max-depth");
     refused(2, "--spp 4 --resume a.checkpoint --aov Z", "aov");
     refused(2, "--spp 4 --resume a.checkpoint --crop 4x4+0+0", "window");
+    std::fs::copy(b.path("a.checkpoint"), b.path("a.json")).expect("a copy");
+    refused(2, "--spp 4 --resume a.json --stats a.json", "also read");
+    assert_eq!(b.bytes("a.json"), b.bytes("a.checkpoint"));
     refused(1, "--spp 4 --resume b.checkpoint", "b.checkpoint");
     // Another scene.
     std::fs::copy(SCENE, b.path("scene.gltf")).expect("a writable folder");
@@ -224,20 +276,26 @@ fn checkpoints_that_cannot_be_written_cost_nothing_but_the_exit_code() {
     assert!(said.contains("missing") && said.lines().count() == 1, "{said}");
     std::fs::create_dir(b.path("folder")).expect("a folder");
     let mut child = b
-        .render("--time 4s -o a.exr --checkpoint 20ms folder/a.checkpoint")
+        .render("--spp 1000000000 -o a.exr --checkpoint 20ms folder/a.checkpoint")
         .stderr(Stdio::piped())
         .spawn()
         .expect("the binary starts");
     wait_for(&b.path("folder/a.checkpoint"), &mut child);
     // The folder goes away: every later one fails.
     std::fs::rename(b.path("folder"), b.path("gone")).expect("a folder");
-    let output = child.wait_with_output().expect("it ends");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("folder/a.checkpoint") && said.lines().count() == 1, "{said}");
+    // It says so at once, goes on, and says nothing more.
+    let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
+    let said = lines.next().expect("a line");
+    assert!(said.contains("folder/a.checkpoint"), "{said}");
+    assert!(child.try_wait().expect("a child").is_none(), "it goes on");
+    signal(&child, "INT");
+    assert_eq!(lines.collect::<Vec<_>>(), [""; 0]);
+    assert_eq!(child.wait().expect("it ends").code(), Some(1));
     assert!(b.path("a.exr").exists(), "the picture is written");
-    assert_eq!(std::fs::read_dir(b.path("gone")).expect("a folder").count(), 1);
-    b.run(0, b.render("--spp 4 --time 1s -o b.exr --resume gone/a.checkpoint"));
+    let left = std::fs::read_dir(b.path("gone")).expect("a folder").flatten();
+    let left = left.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    assert_eq!(left.filter(|name| !is_partial(name)).collect::<Vec<_>>(), ["a.checkpoint"]);
+    b.run(0, b.render("--spp 4 -o b.exr --resume gone/a.checkpoint"));
 }
 
 #[test]
@@ -304,6 +362,20 @@ fn parts_that_do_not_belong_together_are_refused_by_name() {
     refused(1, "a.part e.part", &["e.part"]);
     std::fs::write(b.path("text.part"), "text").expect("a writable folder");
     refused(1, "a.part text.part", &["text.part"]);
+    // A part that was stopped between two passes, and one that does not begin where sums of its size do.
+    let changed = |name: &str, change: &dyn Fn(&mut Checkpoint)| {
+        let mut part = Checkpoint::restore(b.path("b.part")).expect("just saved");
+        change(&mut part);
+        part.save(b.path(name)).expect("a writable folder");
+    };
+    changed("stopped.part", &|part| part.about.goal.spp = Some(8));
+    refused(2, "a.part stopped.part", &["stopped.part was stopped after 4 of 8 samples"]);
+    changed("odd.part", &|part| part.render.film.first_sample = 6);
+    refused(2, "a.part odd.part --allow-gaps", &["odd.part has 4 samples from 6 on", "no multiple"]);
+    // A part has its state beside it; a picture is none.
+    b.run(0, b.part("--sample-range 4..8 -o beside.exr"));
+    refused(2, "a.part beside.exr", &["beside.exr is a picture"]);
+    b.merge(0, "a.part beside.checkpoint -o n.exr");
     b.merge(0, "a.part d.part --allow-gaps -o m.exr");
     let said = b.run(2, b.part("--sample-range 4..12 --checkpoint x.part"));
     assert!(said.contains("no multiple of 8"), "{said}");
@@ -343,6 +415,17 @@ fn frames_are_renders_of_their_own_times() {
     run(0, &format!("{sequence} --skip-existing --max-depth 3"));
     assert_ne!(written("f.0004.exr"), first);
 
+    // Previews of another look are others.
+    run(0, "--frames 4,8 --fps 8 -o p.#.exr --png p.#.png --skip-existing");
+    let first = written("p.4.png");
+    run(0, "--frames 4,8 --fps 8 -o p.#.exr --png p.#.png --skip-existing");
+    assert_eq!(written("p.4.png"), first);
+    run(0, "--frames 4,8 --fps 8 -o p.#.exr --png p.#.png --skip-existing --exposure 1");
+    assert_ne!(written("p.4.png"), first);
+
+    for alone in ["--fps 8", "--frame-start 2", "--fixed-seed", "--skip-existing", "--turntable 2 --fps 8"] {
+        run(2, &format!("{alone} -o g.exr"));
+    }
     assert!(run(2, "-o g.####.exr").contains("--frames"));
     assert!(run(2, "--frames 1 --frame-start 2 -o g.exr").contains("--frame-start"));
     run(2, "--frames 1-3 --shutter 0,1 -o g.exr");
@@ -354,6 +437,42 @@ fn frames_are_renders_of_their_own_times() {
     assert_ne!(b.stat("t.1.json", "film_hash"), b.stat("t.2.json", "film_hash"));
     run(0, "-o one.exr --stats one.json");
     assert_eq!(b.stat("t.1.json", "film_hash"), b.stat("one.json", "film_hash"));
+}
+
+/// The scene's files are no frame's output, and a camera that was put on an orbit stays there while things move.
+/// Oracle: the attribute of the EXR; the file.
+#[test]
+fn frames_spare_the_scene_and_keep_its_orbit() {
+    let b = Bench::new();
+    let mut moving = Fixture::quad()
+        .set("/textures", json!([{"source": 0}]))
+        .set("/images", json!([{"uri": "t.0002.png"}]))
+        .set("/materials/0/pbrMetallicRoughness", json!({"baseColorTexture": {"index": 0}}));
+    let input = moving.floats(&[0.0, 1.0], "SCALAR");
+    let output = moving.floats(&[0.0, 0.0, 0.0, 4.0, 0.0, 0.0], "VEC3");
+    let animation = json!({
+        "samplers": [{"input": input, "output": output}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
+    });
+    moving.set("/animations", json!([animation])).write(b.folder.path());
+    let image = image::RgbImage::from_pixel(1, 1, image::Rgb([90, 120, 30]));
+    image.save(b.path("t.0002.png")).expect("a writable folder");
+    let run = |code: i32, args: &str| {
+        let size = ["render", "scene.gltf", "-q", "--width", "16", "--height", "12", "--spp", "1", "--fixed-seed"];
+        b.run(code, b.command(&[&size[..], &args.split(' ').collect::<Vec<_>>()].concat()))
+    };
+    run(0, "--frames 0,12 --camera-orbit 30,20 -o o.#.exr --stats o.#.json");
+    let camera = |name: &str| {
+        let (bytes, attribute) = (b.bytes(name), b"worldToCamera\0m44f\0");
+        let at = bytes.windows(attribute.len()).position(|bytes| bytes == attribute).expect("an attribute");
+        bytes[at + attribute.len()..][..4 + 64].to_vec()
+    };
+    assert_eq!(camera("o.0.exr"), camera("o.12.exr"));
+    assert_ne!(b.stat("o.0.json", "film_hash"), b.stat("o.12.json", "film_hash"), "things move");
+    let before = b.bytes("t.0002.png");
+    let said = run(2, "--frames 1-2 -o p.####.exr --png t.####.png");
+    assert!(said.contains("t.0002.png is also read"), "{said}");
+    assert!(b.bytes("t.0002.png") == before && !b.path("p.0001.exr").exists());
 }
 
 /// A sequence that is killed goes on with its frames and in the one at hand.
@@ -383,9 +502,9 @@ fn killed_sequences_go_on() {
 #[test]
 fn a_slurm_job_survives_a_warning() {
     let b = Bench::new();
-    let options = ["--width", "24", "--height", "20", "-q"];
+    let options = ["--width", "48", "--height", "40", "-q"];
     let farm =
-        ["farm", "slurm", SCENE, "-q", "--spp", "96", "--tasks", "3", "-o", "m.exr", "--job", "it's a job", "--"];
+        ["farm", "slurm", SCENE, "-q", "--spp", "192", "--tasks", "3", "-o", "m.exr", "--job", "it's a job", "--"];
     b.run(0, b.command(&[&farm[..], &options].concat()));
     // A stand-in for Slurm's own command says what it was called with.
     std::fs::write(b.path("scontrol"), "#!/bin/sh\necho \"$@\" >> requeued\n").expect("a writable folder");
@@ -404,22 +523,28 @@ fn a_slurm_job_survives_a_warning() {
         command
     };
     b.run(0, task("0"));
-    let mut child = task("1").stderr(Stdio::piped()).spawn().expect("bash starts");
-    let said = std::io::BufReader::new(child.stderr.take().expect("piped"));
-    // Its first line of progress says that it renders; a warning before that ends it without a state.
-    let mut lines = std::io::BufRead::lines(said);
-    lines.next();
-    signal(&child, "TERM");
-    let code = child.wait().expect("it ends").code();
-    assert!(code == Some(143) || code == Some(0), "{code:?}");
-    assert_eq!(b.path("requeued").exists(), code == Some(143));
+    // Warned at its first line of progress, which says that it renders. One that was done by then is tried again.
+    let warned = || {
+        let _ = std::fs::remove_file(b.path("it's a job/parts/1.part"));
+        let mut child = task("1").stderr(Stdio::piped()).spawn().expect("bash starts");
+        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
+        lines.next().expect("a line of progress");
+        signal(&child, "TERM");
+        lines.for_each(drop);
+        let code = child.wait().expect("it ends").code();
+        assert!(code == Some(143) || code == Some(0), "{code:?}");
+        assert_eq!(b.path("requeued").exists(), code == Some(143));
+        code == Some(143)
+    };
+    assert!((0..20).any(|_| warned()), "no task was warned in time");
+    assert!(b.path("it's a job/parts/1.part").exists(), "it saved its state");
     for number in ["1", "2"] {
         b.run(0, task(number));
     }
     let mut merge = Command::new("bash");
     merge.arg(b.path("it's a job/merge.sh")).current_dir(b.folder.path());
     b.run(0, merge);
-    b.run(0, b.command(&[&["render", SCENE, "--spp", "96", "-o", "one.exr"][..], &options].concat()));
+    b.run(0, b.command(&[&["render", SCENE, "--spp", "192", "-o", "one.exr"][..], &options].concat()));
     let picture = |name: &str| pathspace::film::exr::read_exr(&b.path(name)).expect("an EXR");
     assert_eq!(picture("m.exr"), picture("one.exr"));
     let submit = String::from_utf8(b.bytes("it's a job/submit.sh")).expect("text");
@@ -427,6 +552,7 @@ fn a_slurm_job_survives_a_warning() {
     // What a render refuses is refused before anything is written.
     let wrong = [&farm[..], &["--no-such-option"]].concat();
     assert!(b.run(2, b.command(&wrong)).contains("--no-such-option"));
+    b.run(2, b.command(&[&farm[..], &["--progress", "none"]].concat()));
 }
 
 /// A bundle for OpenJD: each task's script, with its parameter filled in, and the merge.
@@ -440,7 +566,7 @@ fn an_openjd_bundle_renders_and_merges() {
     assert_eq!(template["specificationVersion"], "jobtemplate-2023-09");
     let render = &template["steps"][0];
     let parts = &render["parameterSpace"]["taskParameterDefinitions"][0]["range"];
-    assert_eq!(*parts, serde_json::json!(["0..4", "4..8"]));
+    assert_eq!(*parts, json!(["0..4", "4..8"]));
     let script = render["script"]["embeddedFiles"][0]["data"].as_str().expect("a script");
     for part in ["0..4", "4..8"] {
         std::fs::write(b.path("run"), script.replace("{{Task.Param.Part}}", part)).expect("a writable folder");
@@ -455,4 +581,27 @@ fn an_openjd_bundle_renders_and_merges() {
     b.run(0, b.command(&[&["render", SCENE, "--spp", "8", "-o", "one.exr"][..], &options].concat()));
     let picture = |name: &str| pathspace::film::exr::read_exr(&b.path(name)).expect("an EXR");
     assert_eq!(picture("m.exr"), picture("one.exr"));
+}
+
+/// Tasks of one frame each write files of their own. Oracle: their names.
+#[test]
+fn tasks_of_single_frames_lose_none() {
+    let b = Bench::new();
+    let farm = ["farm", "openjd", SCENE, "-q", "--frames", "1-2", "--tasks", "2", "-o", "f.exr", "--job", "job", "--"];
+    let options = ["--width", "8", "--height", "6", "--spp", "1", "--png", "p.png", "--stats=s.json"];
+    b.run(0, b.command(&[&farm[..], &options].concat()));
+    let template: serde_json::Value = serde_json::from_slice(&b.bytes("job/template.json")).expect("valid JSON");
+    let script = &template["steps"][0]["script"]["embeddedFiles"][0]["data"];
+    let script = script.as_str().expect("a script").replace("{{Task.Param.Part}}", "$1");
+    std::fs::write(b.path("run"), script.replace("'$1'", "\"$1\"")).expect("a writable folder");
+    for part in ["1", "2"] {
+        let mut command = Command::new("bash");
+        command.args(["run", part]).current_dir(b.folder.path());
+        b.run(0, command);
+    }
+    let expected = ["f.0001.exr", "f.0002.exr", "job", "p.0001.png", "p.0002.png", "run", "s.0001.json", "s.0002.json"];
+    assert_eq!(b.names(), expected);
+    for wrong in [&["-o", "g.exr"][..], &["--skip-existing"], &["--resume", "a"], &["--png", "{{a}}.png"]] {
+        b.run(2, b.command(&[&farm[..], wrong].concat()));
+    }
 }
