@@ -117,15 +117,19 @@ impl Row {
     }
 }
 
+/// Whether `PATHSPACE_SKIP_BACKENDS`, names with commas between them, leaves `kind` out.
+pub(crate) fn is_skipped(kind: BackendKind) -> bool {
+    std::env::var("PATHSPACE_SKIP_BACKENDS").is_ok_and(|names| names.split(',').any(|name| name == kind.name()))
+}
+
 /// The backends of this build in every mode; `flat` among them, which does not trace every geometry.
 pub(crate) fn rows() -> Vec<Row> {
-    let skip = std::env::var("PATHSPACE_SKIP_BACKENDS").unwrap_or_default();
     let mut rows = Vec::new();
     for kind in BackendKind::ALL {
         if !BackendKind::available().contains(&kind) && kind != BackendKind::Flat {
             continue;
         }
-        if skip.split(',').any(|name| name == kind.name()) {
+        if is_skipped(kind) {
             eprintln!("conformance: {} is left out by PATHSPACE_SKIP_BACKENDS", kind.name());
             continue;
         }

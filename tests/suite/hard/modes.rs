@@ -6,6 +6,7 @@ use pathspace::plan::options::RenderOptions;
 use pathspace_stat::{chi2_limit, ks_uniform, normal_tail, z_limit};
 
 use super::Case;
+use crate::conformance;
 
 /// One way to trace rays.
 #[derive(Clone)]
@@ -18,8 +19,9 @@ pub struct Mode {
 }
 
 impl Mode {
-    /// All of this build.
+    /// All of this build, but for those of `PATHSPACE_SKIP_BACKENDS`.
     pub fn all() -> Vec<Mode> {
+        let asked = |kind: &&BackendKind| !conformance::is_skipped(**kind);
         let of = |&backend: &BackendKind| {
             let modes = match backend {
                 BackendKind::Embree => QueryMode::ALL.map(Some).to_vec(),
@@ -32,7 +34,7 @@ impl Mode {
             modes.into_iter().map(move |rays| Mode { name: name(rays), backend: Some(backend), rays })
         };
         let auto = Mode { name: "auto".into(), backend: None, rays: None };
-        BackendKind::available().iter().flat_map(of).chain([auto]).collect()
+        BackendKind::available().iter().filter(asked).flat_map(of).chain([auto]).collect()
     }
 
     /// Whether this is what most scenes are rendered with by default: it gets the full number of samples.
