@@ -395,7 +395,8 @@ fn i05_material_parameters_out_of_range() {
     warned(&mut case, "ior 0.5", "ior 0.5", ior(json!(0.5)));
     // glTF: 0 stands for infinity, everything is reflected.
     let unbounded = ior(json!(0.0)).expect("a valid scene");
-    case.count("ior 0, warnings", 0, unbounded.warnings.len() as u64);
+    let warnings = unbounded.warnings.iter().filter(|warning| warning.what.contains("ior")).count();
+    case.count("ior 0, warnings", 0, warnings as u64);
     let ior_pointer = "/materials/0/extensions/KHR_materials_ior/ior";
     refused(&mut case, "ior 1e39", ior_pointer, ior(json!(1e39)));
     refused(&mut case, "roughness 1e39", &rough, with(&rough, json!(1e39)));
