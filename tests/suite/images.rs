@@ -603,7 +603,7 @@ mod through_oiio {
         crate::common::wait_for_samples(&mut child);
         let lines = std::io::BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
         std::fs::File::options().write(true).open(&file).expect("there").set_len(5000).expect("cut");
-        let errors: Vec<String> = lines.filter(|line| line.contains("error")).collect();
+        let errors: Vec<String> = lines.filter(|line| line.contains("pathspace: error")).collect();
         assert_eq!(child.wait().expect("it ends").code(), Some(1), "{errors:?}");
         assert!(errors.len() == 1 && errors[0].contains("0.tif") && errors[0].contains("picture 0"), "{errors:?}");
         assert!(picture.exists());

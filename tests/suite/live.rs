@@ -132,7 +132,7 @@ fn a_view_is_seen_moved_and_saved() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = cornell_box();
     let scene = scene.to_str().expect("a plain name");
-    let options = ["--address", "127.0.0.1:0", "--size", "16x12", "-s", "8", "--camera-orbit", "-10,5"];
+    let options = ["--address", "127.0.0.1:0", "--size", "16x12", "-s", "8", "--camera-orbit", "170,5"];
     let mut view = Running::start(folder.path(), &[&["view", scene][..], &options].concat());
     let page = String::from_utf8(view.get("/")).expect("UTF-8");
     // Nothing from elsewhere.
@@ -158,7 +158,7 @@ fn a_view_is_seen_moved_and_saved() {
 
     // Another view: only from the page itself, and only one that a camera can take.
     let mut moved = done["view"].clone();
-    moved["azimuth"] = 30.0.into();
+    moved["azimuth"] = 150.0.into();
     let post = |body: &str, more: &str| {
         let length = body.len();
         let head = format!("POST /view HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n{more}\r\n");
@@ -168,7 +168,7 @@ fn a_view_is_seen_moved_and_saved() {
     assert!(post(&moved.to_string(), "").starts_with("HTTP/1.1 404"));
     assert!(post(r#"{"azimuth":1}"#, ours).starts_with("HTTP/1.1 400"));
     assert!(post(&moved.to_string(), ours).starts_with("HTTP/1.1 200"));
-    let turned = view.state(|state| state["done"] == true && state["view"]["azimuth"] == 30.0);
+    let turned = view.state(|state| state["done"] == true && state["view"]["azimuth"] == 150.0);
     assert!(turned["version"].as_u64() > done["version"].as_u64());
     assert!(view.get("/picture") != picture, "another camera sees another picture");
 
