@@ -410,6 +410,10 @@ pub struct SettingsArgs {
     /// measures
     #[arg(long, value_enum, ignore_case = true, default_value = "exact", help_heading = "Textures")]
     pub texture_filter: TextureFilterName,
+    /// Where normal maps tilt lobes below the surface: on sends that light to its mirror image above and turns facets
+    /// that face away to the viewer, so that none is lost; off loses it, as most renderers do
+    #[arg(long, value_enum, ignore_case = true, default_value = "on", help_heading = "Textures")]
+    pub fold_normals: Switch,
 
     /// Longest path in edges; 1 shows emitters only
     #[arg(

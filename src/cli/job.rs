@@ -505,6 +505,7 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
             TextureFilterName::Exact => TextureFilter::Exact,
             TextureFilterName::Trilinear => TextureFilter::Trilinear,
         },
+        fold_normals: args.fold_normals == Switch::On,
         backend: args.backend,
         rays: query_mode(args.rays),
         isa: args.isa.clone(),

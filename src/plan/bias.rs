@@ -79,6 +79,9 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     if !options.robust {
         ledger.push(Bias::unmeasured("robust off: rays slip between triangles"));
     }
+    if features.normal_maps && !features.folded_normals {
+        ledger.push(Bias::unmeasured("fold-normals off: light that normal maps send below the surface is lost"));
+    }
     ledger.extend(unfound(asked, features).map(Bias::unmeasured));
     if asked.geometry.coincident.crowded() {
         ledger.push(Bias::unmeasured(

@@ -247,6 +247,9 @@ pub struct RenderOptions {
     pub sampler: SamplerKind,
     /// How textures are looked up.
     pub texture_filter: TextureFilter,
+    /// Whether light that normal maps send below the surface goes to its mirror image above, and facets that face away
+    /// are turned to the viewer. Off, that light is lost.
+    pub fold_normals: bool,
     /// Ray backend; `None` takes the fastest of this build for the scene ([`select`](crate::backend::select)). `rays`,
     /// `isa` and `robust` do not change it: where it cannot honour one of them, the plan refuses.
     pub backend: Option<BackendKind>,
@@ -287,6 +290,7 @@ impl Default for RenderOptions {
             strategy: Strategy::MIS,
             sampler: SamplerKind::Sobol,
             texture_filter: TextureFilter::Exact,
+            fold_normals: true,
             backend: None,
             rays: None,
             isa: None,
@@ -345,6 +349,7 @@ impl RenderOptions {
         strategy: = Strategy,
         sampler: = SamplerKind,
         texture_filter: = TextureFilter,
+        fold_normals: = bool,
         backend: into Option<BackendKind>,
         rays: into Option<QueryMode>,
         robust: = bool,

@@ -79,6 +79,7 @@ impl Renderer<'_> {
             ("strategy", plan.strategy.to_string()),
             ("sampler", text(&plan.sampler)),
             ("texture-filter", if plan.features.footprints { "trilinear" } else { "exact" }.into()),
+            ("fold-normals", plan.features.folded_normals.to_string()),
             ("aov", plan.aovs.iter().map(|aov| aov.name()).collect::<Vec<_>>().join(",")),
             ("backend", format!("{} {}", backend.kind.name(), backend.version)),
             ("robust", plan.robust.to_string()),

@@ -63,6 +63,9 @@ pub fn describe(base: &RenderOptions) -> String {
     if base.texture_filter != TextureFilter::Exact {
         text.push_str(&format!(" --texture-filter {}", base.texture_filter.name()));
     }
+    if !base.fold_normals {
+        text.push_str(" --fold-normals off");
+    }
     if !base.robust {
         text.push_str(" --robust off");
     }

@@ -54,7 +54,7 @@ impl<'t, B: Bsdf<'t>> Lanes<'t, B> {
             view: idle.view(Vec3::Z, 1.0).splat(),
             wo: ZERO3,
             layered: B::LAYERED && tables.coated,
-            folds: B::TEXTURED && world.features.normal_maps,
+            folds: B::TEXTURED && world.features.folded_normals,
         };
         for i in 0..LANES {
             if B::COLUMNS || vertices.active[i] != 0 {

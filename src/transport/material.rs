@@ -257,7 +257,8 @@ impl Factors {
 const LEAST_FACING: f32 = 1e-4;
 
 /// Tilts the shading normal of lane `i` by a texel of its normal map. One that then faces away from the viewer belongs
-/// to a facet that he cannot see; he sees one that is tilted as far towards him instead, its mirror image.
+/// to a facet that he cannot see; he sees one that is tilted as far towards him instead, its mirror image. Unless
+/// normals are folded, it stays as it is and scatters nothing.
 #[inline(always)]
 fn tilt(world: &World, rays: &RayHitBlock, vertices: &mut Vertices, i: usize, texel: Vec3) {
     let scale = world.scene.materials[vertices.material[i] as usize].normal_scale;
@@ -265,7 +266,8 @@ fn tilt(world: &World, rays: &RayHitBlock, vertices: &mut Vertices, i: usize, te
         let wo = get(&vertices.wo, i);
         let facing = n_s.dot(wo);
         let turned = n_s + wo * ((-facing).max(LEAST_FACING) - facing);
-        set(&mut vertices.n_s, i, if facing > 0.0 { n_s } else { interaction::unit_or(turned, n_s) });
+        let stays = facing > 0.0 || !world.features.folded_normals;
+        set(&mut vertices.n_s, i, if stays { n_s } else { interaction::unit_or(turned, n_s) });
     }
 }
 

@@ -147,6 +147,9 @@ table! {
     /// Normal maps.
     normal_maps: "normal-maps"
         = effect(found::normal_maps).stages(&[At(NormalMaps, "normal-maps")]);
+    /// Light that normal maps send below the surface comes back.
+    folded_normals: "folded-normals"
+        = part(|asked, f| f.normal_maps && asked.options.fold_normals);
     /// Emissive textures.
     emissive_textures: "emissive-textures"
         = effect(found::emissive_textures);
