@@ -69,19 +69,27 @@ fn choose(world: &World, hit: Hit, dir: Vec3, partners: &[u32], is_passed: &dyn 
     let (u, v) = (f64::from(hit.u), f64::from(hit.v));
     let p = a * (1.0 - u - v) + b * u + c * v;
 
-    let own = Face::new(world, hit, dir);
-    // Worked out twice rather than kept: a hit allocates nothing.
-    let faces = || {
-        let others = partners.iter().filter_map(|&record| {
-            let (u, v) = weights(p, corners(&geometry.triangles[record as usize]))?;
-            let other = Hit { u, v, prim: record - first, ..hit };
-            (!is_passed(&other)).then(|| Face::new(world, other, dir))
-        });
-        others.chain([own])
+    let at = |record: u32| Face::new(world, Hit { prim: record - first, ..hit }, dir);
+    // Whether the ray meets that triangle as well, and where.
+    let placed = |face: Face, record: u32| {
+        let (u, v) = weights(p, corners(&geometry.triangles[record as usize]))?;
+        let hit = Hit { u, v, ..face.hit };
+        (!is_passed(&hit)).then_some(Face { hit, ..face })
     };
-    let met = faces().max_by_key(Face::order).unwrap_or(own);
-    let solids = faces().filter(|face| face.solid != NO_SOLID && face.solid != met.solid);
-    let touching = solids.max_by_key(Face::order);
+    // A floor has many partners, few of them here: where one lies is asked last.
+    let own = Face::new(world, hit, dir);
+    let met = partners.iter().fold(own, |met, &record| {
+        let face = at(record);
+        if face.order() > met.order() { placed(face, record).unwrap_or(met) } else { met }
+    });
+    let features = &world.features;
+    if !(features.media | features.alpha | features.boundaries) {
+        return Met { hit: met.hit, touching: None };
+    }
+    let solid = |face: &Face| face.solid != NO_SOLID && face.solid != met.solid;
+    let others = partners.iter().map(|&record| (at(record), record)).filter(|(face, _)| solid(face));
+    let others = others.filter_map(|(face, record)| placed(face, record)).chain([own].into_iter().filter(solid));
+    let touching = others.max_by_key(Face::order);
     let touching = touching.map(|other| (other.hit, Boundary { solid: other.solid, entering: other.fronts }));
     Met { hit: met.hit, touching }
 }
