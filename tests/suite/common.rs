@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
-use std::process::Child;
+use std::process::{Child, Command};
 
 use glam::{Affine3A, Vec3};
 use pathspace::film::Film;
@@ -43,6 +43,13 @@ pub fn wait_for_samples(child: &mut Child) {
     };
     assert!(lines.any(has_samples), "it ended before every pixel had a sample");
     std::thread::spawn(move || lines.for_each(drop));
+}
+
+/// Sends the signal of that name: "INT".
+pub fn signal(child: &Child, name: &str) {
+    // The shell's own `kill`: a bare Debian has no program of that name.
+    let sent = Command::new("sh").args(["-c", &format!("kill -{name} {}", child.id())]).status();
+    assert!(sent.is_ok_and(|status| status.success()), "kill -{name}");
 }
 
 /// Means of independent estimates: count, mean and the variance of one estimate, per channel.

@@ -15,7 +15,7 @@ use pathspace::scene::{LoadOptions, MissingTexture};
 use pathspace::{Renderer, Scene};
 use serde_json::json;
 
-use crate::common::wait_for_samples;
+use crate::common::{signal, wait_for_samples};
 use crate::loading::fixture::{Fixture, write};
 
 /// The scene that the rendering tests use.
@@ -162,11 +162,6 @@ fn start(args: &[&str], words: &str) -> Child {
     // The rest is read until the end, so that nobody waits for a full pipe.
     std::thread::spawn(move || lines.for_each(drop));
     child
-}
-
-fn signal(child: &Child, name: &str) {
-    let sent = std::process::Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status();
-    assert!(sent.is_ok_and(|status| status.success()), "kill -{name}");
 }
 
 /// SIGHUP ends a render as SIGTERM does: the picture is written. A folder that vanished meanwhile is made again.

@@ -12,6 +12,7 @@ use pathspace::render::{Keeper, Render, State, StopReason};
 use pathspace::{RenderOptions, Renderer};
 use serde_json::json;
 
+use crate::common::signal;
 use crate::loading::fixture::Fixture;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box/scene.gltf");
@@ -87,12 +88,6 @@ fn wait_for(path: &Path, child: &mut Child) {
     while !path.exists() && child.try_wait().expect("a child").is_none() {
         std::thread::sleep(Duration::from_millis(5));
     }
-}
-
-fn signal(child: &Child, name: &str) {
-    // The shell's own `kill`: a bare Debian has no program of that name.
-    let sent = Command::new("sh").args(["-c", &format!("kill -{name} {}", child.id())]).status();
-    assert!(sent.is_ok_and(|status| status.success()));
 }
 
 #[test]
