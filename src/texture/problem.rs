@@ -4,6 +4,7 @@ use std::io;
 use std::path::Path;
 
 use crate::error::Error;
+use crate::plain::one_line;
 
 /// What is wrong.
 #[derive(Debug)]
@@ -38,7 +39,8 @@ impl std::fmt::Display for Problem {
 
 impl From<String> for Problem {
     fn from(problem: String) -> Self {
-        Problem::Image(problem)
+        // A decoder's reason may have several lines.
+        Problem::Image(one_line(problem.trim_end()))
     }
 }
 
