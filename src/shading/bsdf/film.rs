@@ -110,8 +110,8 @@ mod tests {
     use super::*;
 
     /// Oracles: without thickness the film is not there at the normal, and Schlick's reflectance of the surface is left
-    /// (1e-2: the text's sum of orders ends at the second; aslant, its Schlick weights stay without a film); of 12.5 µm,
-    /// interference averages out and the sum of both interfaces' intensities is left.
+    /// (1e-2: the text's sum of orders ends at the second; aslant, its Schlick weights stay without a film); of
+    /// 12.5 µm, interference averages out and the sum of both interfaces' intensities is left.
     #[test]
     fn limits_of_thickness() {
         for f0 in [Vec3::splat(0.04), Vec3::new(0.9, 0.5, 0.2)] {
