@@ -107,7 +107,7 @@ pub struct Dropped {
 /// use pathspace::Scene;
 ///
 /// let scene = Scene::load("scenes/cornell-box/scene.gltf")?;
-/// assert_eq!((scene.cameras.len(), scene.triangle_count()), (1, 32));
+/// assert_eq!((scene.cameras.len(), scene.triangle_count()), (1, 38));
 /// assert!(scene.warnings.is_empty());
 /// # Ok::<(), pathspace::Error>(())
 /// ```
