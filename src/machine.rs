@@ -9,6 +9,7 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 /// A processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Processor {
     /// Name as the system gives it: "AMD EPYC".
     pub name: String,

@@ -64,6 +64,7 @@ impl SlopePrior {
 
 /// A fitted cost model.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Prediction {
     /// Seconds that do not depend on the samples.
     pub fixed_seconds: f64,

@@ -47,6 +47,7 @@ impl Thresholds {
 /// How two images compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Verdict {
     /// Within all thresholds.
     Ok,

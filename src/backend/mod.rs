@@ -26,6 +26,7 @@ use past::Past;
 
 /// Whether neighbouring rays of a batch run alike. A hint: the hits do not depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Coherence {
     /// Camera rays of one tile and their shadow rays.
     Coherent,
@@ -35,6 +36,7 @@ pub enum Coherence {
 
 /// How rays are handed to the traversal. Names are the command line's (`--rays`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum QueryMode {
     /// One ray a call.
     Single,
@@ -73,6 +75,7 @@ impl fmt::Display for QueryMode {
 
 /// The backends by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum BackendKind {
     /// Debian's Embree, 3.13 or 4.x.
     Embree,

@@ -46,6 +46,7 @@ pub struct Look {
 
 /// What is behind the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Backdrop {
     /// What camera rays see there: the environment, or black.
     #[default]
@@ -60,6 +61,7 @@ pub enum Backdrop {
 
 /// A preview: bytes of sRGB, row-major, with alpha or without.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Preview {
     /// Columns.
     pub width: u32,
@@ -73,6 +75,7 @@ pub struct Preview {
 
 /// A format of previews.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Format {
     /// PNG.
     Png,

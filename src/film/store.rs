@@ -59,6 +59,7 @@ pub struct Patch {
 
 /// Samples per pixel over a film.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct SppRange {
     /// Of the pixel with the fewest.
     pub min: u64,

@@ -17,6 +17,7 @@ use std::str::FromStr;
 /// assert_eq!(ToneMap::Clip.apply([0.5, 2.0, -1.0]), [0.5, 1.0, 0.0]);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ToneMap {
     /// None: what lies outside of [0, 1] is cut off.
     #[default]

@@ -23,6 +23,7 @@ impl Gate {
 
 /// The filters of `--filter`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum FilterKind {
     /// Box of 1 pixel.
     Box,
@@ -41,6 +42,7 @@ pub enum FilterKind {
 
 /// The samplers of `--sampler`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol points, padded in sets of four dimensions.
     Sobol,
@@ -63,6 +65,7 @@ pub struct Crop {
 
 /// Which camera of the scene looks.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum CameraChoice {
     /// The first one.
     First,
@@ -74,6 +77,7 @@ pub enum CameraChoice {
 
 /// How the techniques of a path are weighted against each other (multiple importance sampling).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Heuristic {
     /// Power heuristic with exponent 2 (Veach 1997, §9.2.4).
     #[default]
@@ -142,6 +146,7 @@ impl fmt::Display for Strategy {
 
 /// How textures are looked up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum TextureFilter {
     /// As the file's sampler magnifies, at every distance: what the scene says, to the last texel.
     #[default]
@@ -162,6 +167,7 @@ impl TextureFilter {
 
 /// Whether paths are ended at random.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Roulette {
     /// Never.
     Off,

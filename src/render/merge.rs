@@ -18,6 +18,7 @@ use crate::transport::counters::Counters;
 
 /// What a merge may overlook.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct MergeOptions {
     /// Samples that are missing, of some pixels or of all.
     pub allow_gaps: bool,

@@ -85,6 +85,7 @@ impl Instance {
 
 /// Something the user should know that does not stop the work.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Warning {
     /// Where: JSON pointer, material name, or file.
     pub place: String,
@@ -94,6 +95,7 @@ pub struct Warning {
 
 /// Things the loader left out, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Dropped {
     /// Triangles of zero area, with repeated indices, or not finite.
     pub degenerate_triangles: usize,
@@ -217,6 +219,7 @@ impl LoadOptions {
 
 /// What to do with an image that is missing, broken, empty, or not finite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MissingTexture {
     /// It ends the load.
     #[default]

@@ -33,6 +33,7 @@ pub struct Orbit {
 
 /// How far a camera stands from what it looks at.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Distance {
     /// So many times the least distance from which all of the scene is seen.
     Fitting(f64),

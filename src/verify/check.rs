@@ -44,6 +44,7 @@ impl Verification {
 
 /// The solver's side, for one number of patches.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Solution {
     /// Patches in the order of the scene.
     pub patches: Patches,

@@ -105,6 +105,7 @@ impl Estimates {
 
 /// One length in one region.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Comparison {
     /// Number of edges; the last number of [`LENGTHS`] is the tail.
     pub edges: usize,
