@@ -85,7 +85,7 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     ledger.extend(unfound(asked, features).map(Bias::unmeasured));
     if asked.geometry.coincident.crowded() {
         ledger.push(Bias::unmeasured(
-            "coincident faces: in crowded planes not all are known; which of them is met is open",
+            "coincident faces: where they are crowded not all are known; which of them is met is open",
         ));
     }
     if features.media {

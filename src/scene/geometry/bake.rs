@@ -4,11 +4,12 @@ use glam::{Affine3A, DAffine3, DMat3, Vec3};
 
 use super::attributes::{Attributes, has_extras};
 use super::bodies;
+use super::contacts::{self, Bounds};
 use super::lamps::drop_copied_lamps;
 use super::overlaps;
 use super::placement::{NO_MATERIAL, Placement};
 use super::records::{Geometry, MeshRecords, Triangle, hit_error, is_degenerate};
-use crate::scene::{Instance, MaterialId, Mesh, Scene};
+use crate::scene::{Fact, Facts, Instance, MaterialId, Mesh, Scene};
 
 /// A repeated mesh of at most this many triangles is baked: the transform of each ray at an instance then costs more
 /// than the copies. Larger ones stay instanced: on `interior` (50 placements of 8 meshes, 1 M triangles) baking all
@@ -18,15 +19,19 @@ pub const BAKE_MESH_TRIANGLES: usize = 1024;
 /// Baked copies of repeated meshes may have this many triangles together (about 160 B each with their hierarchy).
 pub const BAKE_TRIANGLE_BUDGET: u64 = 1 << 20;
 
+/// Triangles near other placements that are looked at for faces which lie on those.
+const MOST_CONTACT_LOOKS: usize = 1 << 22;
+
 impl Geometry {
     /// Flattens `scene`: bakes what is baked, keeps the rest instanced, computes one record per triangle.
     pub fn build(scene: &Scene) -> Self {
         let mut geometry = Geometry { bounds: (Vec3::INFINITY, Vec3::NEG_INFINITY), ..Default::default() };
         let baked_meshes = baked_meshes(scene);
         // What moves cannot be baked, whatever happens to other placements of its mesh.
-        let baked: Vec<bool> = (scene.instances.iter().enumerate())
+        let mut baked: Vec<bool> = (scene.instances.iter().enumerate())
             .map(|(i, instance)| baked_meshes[instance.mesh.index()] && scene.motion.of_instance(i).is_none())
             .collect();
+        let all_known = bake_contacts(scene, &mut baked);
         let mut is_instanced = vec![false; scene.meshes.len()];
         for (instance, _) in scene.instances.iter().zip(&baked).filter(|(_, baked)| !**baked) {
             is_instanced[instance.mesh.index()] = true;
@@ -76,6 +81,7 @@ impl Geometry {
         }
         geometry.solids = bodies::find(&geometry, &scene.materials);
         geometry.coincident = overlaps::find(&geometry, &scene.materials);
+        geometry.coincident.crowded |= !all_known;
         let world_vertices = &geometry.meshes[0].vertices;
         for index in geometry.meshes[0].indices.iter().flatten() {
             let p = world_vertices[*index as usize];
@@ -163,6 +169,68 @@ impl Geometry {
     }
 }
 
+/// Bakes placements at rest that would stay instanced where their faces lie on those of others and it matters which of
+/// them is met: two faces that look one way, or one that lets light pass. Returns whether all such are known and baked.
+fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
+    let at_rest: Vec<bool> = (0..baked.len()).map(|i| scene.motion.of_instance(i).is_none()).collect();
+    let instanced: Vec<bool> = baked.iter().zip(&at_rest).map(|(&baked, &at_rest)| at_rest && !baked).collect();
+    if !instanced.contains(&true) {
+        return true;
+    }
+    let nowhere = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let grow = |(low, high): Bounds, &p: &Vec3| (low.min(p), high.max(p));
+    let bounds: Vec<Bounds> = scene.meshes.iter().map(|mesh| mesh.positions.iter().fold(nowhere, grow)).collect();
+    let boxes: Vec<Bounds> = (scene.instances.iter().zip(&at_rest))
+        .map(|(instance, &at_rest)| {
+            let bounds = bounds[instance.mesh.index()];
+            let somewhere = at_rest && bounds.0.x <= bounds.1.x;
+            if somewhere { contacts::placed(bounds, &instance.world_from_object) } else { nowhere }
+        })
+        .collect();
+    let Some(reached) = contacts::reached(&boxes, &instanced) else { return false };
+
+    // What lies near others, placed, and whose it is.
+    let (mut near, mut owners, mut looks) = (MeshRecords::default(), Vec::new(), MOST_CONTACT_LOOKS);
+    let mut geometry = Geometry::default();
+    for (i, region) in reached.into_iter().enumerate() {
+        let Some(region) = region else { continue };
+        let (instance, id) = (&scene.instances[i], scene.material_of(&scene.instances[i]));
+        let mesh = &scene.meshes[instance.mesh.index()];
+        let Some(rest) = looks.checked_sub(mesh.triangles.len()) else { return false };
+        looks = rest;
+        let part = contacts::part_within(mesh, &instance.world_from_object, region);
+        geometry.bake(&mut near, (&part, id), Attributes::None, &instance.world_from_object);
+        owners.resize(near.records.len(), i);
+    }
+    geometry.append(near);
+    let found = overlaps::find(&geometry, &scene.materials);
+    let passes = |triangle: &Triangle| {
+        let facts = Facts::of(&scene.materials[triangle.material as usize]);
+        facts.transmits() || facts.has(Fact::Uncovered)
+    };
+    let (mut all_known, mut left) = (!found.crowded(), BAKE_TRIANGLE_BUDGET);
+    for &record in found.records() {
+        for &partner in found.of(record) {
+            let [a, b] = [record, partner].map(|record| &geometry.triangles[record as usize]);
+            let one_way = Vec3::from(a.n_g).dot(Vec3::from(b.n_g)) > 0.0;
+            let owners = [record, partner].map(|record| owners[record as usize]);
+            if owners[0] == owners[1] || !(one_way || passes(a) || passes(b)) {
+                continue;
+            }
+            for of in owners {
+                if baked[of] {
+                    continue;
+                }
+                let cost = scene.meshes[scene.instances[of].mesh.index()].triangles.len() as u64;
+                baked[of] = cost <= left;
+                all_known &= baked[of];
+                left = left.saturating_sub(cost);
+            }
+        }
+    }
+    all_known
+}
+
 /// How many emissive triangles repeat others: what [`Geometry::dropped_lamps`] will be.
 pub(crate) fn copied_lamps(scene: &Scene) -> usize {
     let (mut geometry, mut lamps) = (Geometry::default(), MeshRecords::default());
@@ -198,4 +266,47 @@ fn baked_meshes(scene: &Scene) -> Vec<bool> {
         }
     }
     baked
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::builder::SceneBuilder;
+    use crate::scene::{Material, MeshId};
+
+    /// Two glasses of wine: sheets of 1152 triangles, placed twice, that are too large to be baked for being repeated.
+    fn glasses(gap_m: f32) -> Geometry {
+        let mut b = SceneBuilder::new();
+        let solid = |ior| Material { transmission: 1.0, thickness: 1.0, ior, ..Material::default() };
+        let materials = [b.material(solid(1.5)), b.material(solid(1.33))];
+        let corner = |i: u32| Vec3::new((i % 25) as f32, 0.0, (i / 25) as f32) * 0.04;
+        let cells = || (0..24 * 24).map(|i| i / 24 * 25 + i % 24);
+        let meshes: Vec<MeshId> = (materials.into_iter().enumerate())
+            .map(|(side, material)| {
+                let turned = |[a, b, c]: [u32; 3]| if side == 0 { [a, b, c] } else { [a, c, b] };
+                let halves = |i: u32| [[i, i + 25, i + 1], [i + 1, i + 25, i + 26]].map(turned);
+                let positions = (0..25 * 25).map(corner).collect();
+                b.full_mesh(Mesh {
+                    positions,
+                    triangles: cells().flat_map(halves).collect(),
+                    material,
+                    ..Mesh::default()
+                })
+            })
+            .collect();
+        for x in [0.0, 3.0] {
+            b.place(meshes[0], Affine3A::from_translation(Vec3::new(x, 0.0, 0.0)));
+            b.place(meshes[1], Affine3A::from_translation(Vec3::new(x, gap_m, 0.0)));
+        }
+        Geometry::build(&b.build())
+    }
+
+    #[test]
+    fn repeated_meshes_that_touch_are_baked() {
+        let apart = glasses(0.01);
+        assert_eq!((apart.instances.len(), apart.coincident.records().len()), (4, 0));
+        let touching = glasses(0.0);
+        assert_eq!((touching.instances.len(), touching.coincident.records().len()), (0, 4 * 1152));
+        assert!(!touching.coincident.crowded());
+    }
 }

@@ -25,7 +25,7 @@ impl Coincident {
         self.records.is_empty()
     }
 
-    /// Whether planes were so crowded that some may have been missed.
+    /// Whether planes or placements were so crowded that some may have been missed.
     pub fn crowded(&self) -> bool {
         self.crowded
     }

@@ -7,6 +7,7 @@ mod attributes;
 mod bake;
 mod bodies;
 mod coincident;
+mod contacts;
 mod lamps;
 mod overlaps;
 mod placement;

@@ -5,9 +5,9 @@
 //! orientation. They count where each lies in the other's plane to within what rounding does to hits on them and their
 //! interiors overlap.
 //!
-//! Limits: within one mesh of the flattened geometry, so not between the placements of an instanced mesh; beyond
-//! [`MOST_PARTNERS`] for one triangle, and beyond [`MOST_PAIRS`] looks for each triangle of a crowded plane, the rest
-//! is not found, which [`Coincident::crowded`] says.
+//! Limits: within one mesh of the flattened geometry (placements at rest whose faces lie on those of others are baked
+//! into the world's, see `bake`; what moves is not looked at); beyond [`MOST_PARTNERS`] for one triangle, and beyond
+//! [`MOST_PAIRS`] looks for each triangle of a crowded plane, the rest is not found, which [`Coincident::crowded`] says.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
