@@ -29,6 +29,13 @@ pub enum Gathers {
     Nothing,
     /// Radiance by number of path edges.
     PathLengths,
+    /// Radiance of the paths that have so many edges.
+    Edges {
+        /// At least, from 1.
+        least: usize,
+        /// At most.
+        most: usize,
+    },
     /// Three numbers of what each camera sample meets first, averaged as the beauty is.
     FirstHit,
     /// Three numbers of what the ray through the pixel's centre meets as the shutter opens: a mean across an edge is a
@@ -50,6 +57,11 @@ impl Aov {
     /// What has to be gathered for it.
     pub fn gathers(self) -> Gathers {
         self.gathers
+    }
+
+    /// Whether it is made of radiance by number of path edges.
+    pub fn is_of_lengths(self) -> bool {
+        matches!(self.gathers, Gathers::PathLengths | Gathers::Edges { .. })
     }
 
     /// Whether it shows what camera rays meet first.

@@ -104,6 +104,8 @@ pub struct RenderPlan {
     pub effects: Effects,
     /// Layers besides the beauty.
     pub aovs: Vec<Aov>,
+    /// Whether the film keeps the images by path length, whatever layers are asked for.
+    pub per_length: bool,
     /// Names of the stages that run, in order.
     pub stages: Vec<&'static str>,
     /// Known biases, the depth limit first.
@@ -236,6 +238,7 @@ impl RenderPlan {
             features,
             effects,
             aovs: options.aovs.clone(),
+            per_length: options.per_length,
             bias: bias::ledger(&asked, &features),
             radiance_bound: bias::radiance_bound(scene).filter(|_| options.fog.is_none()),
         })

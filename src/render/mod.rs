@@ -238,7 +238,8 @@ impl Renderer<'_> {
     fn empty_film(&self) -> Film {
         let plan = &self.plan;
         let mut aovs = plan.aovs.clone();
-        aovs.extend(plan.features.per_length.then_some(Aov::BOUNCES));
+        let of_nobody = plan.features.per_length && !aovs.iter().any(|aov| aov.is_of_lengths());
+        aovs.extend((plan.per_length || of_nobody).then_some(Aov::BOUNCES));
         let mut film = Film::with_layers(plan.resolution, plan.window, &aovs);
         film.first_sample = plan.sample_start;
         film

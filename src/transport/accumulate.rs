@@ -71,6 +71,7 @@ pub fn layers(chunk: &Chunk, wave: &Wave, planes: &mut [Plane], first: usize) {
     for plane in planes {
         match plane.layer.aov.gathers() {
             Gathers::PathLengths => path_lengths(chunk, wave, plane, first),
+            Gathers::Edges { least, most } => edges(chunk, wave, plane, first, [least, most.min(LENGTHS - 1)]),
             Gathers::FirstHit => {
                 add(chunk, wave, plane, first, |slot| &wave.sums.first_hits[slot * first_hits + number]);
                 number += 1;
@@ -106,6 +107,23 @@ fn path_lengths(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize) {
             let weight = f64::from(gathered.weight);
             let terms = wave.sums.per_length[slot].as_flattened();
             std::array::from_fn(|i| weight * f64::from(terms[i]))
+        });
+        plane.pixel_mut(first + p).copy_from_slice(&sum);
+    }
+}
+
+/// [`path_lengths`] of some lengths together.
+fn edges(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, [least, most]: [usize; 2]) {
+    for p in 0..chunk.pixels.len() {
+        let sum = pairwise::sum(chunk.samples, |s| {
+            let slot = p * chunk.samples + s;
+            let gathered = &wave.sums.gathered[slot];
+            if !gathered.radiance.iter().all(|c| c.is_finite()) {
+                return [0.0; 3];
+            }
+            let weight = f64::from(gathered.weight);
+            let terms = &wave.sums.per_length[slot][least..=most];
+            std::array::from_fn(|c| weight * terms.iter().map(|term| f64::from(term[c])).sum::<f64>())
         });
         plane.pixel_mut(first + p).copy_from_slice(&sum);
     }

@@ -90,20 +90,35 @@ fn extra_outputs_leave_the_picture_alone() {
     }
     let (plain, full) = (plain.render().expect("renders"), full.render().expect("renders"));
     assert_eq!(plain.film.hash(), full.film.hash());
-    assert_eq!((plain.film.planes().len(), full.film.planes().len()), (0, 9));
+    assert_eq!((plain.film.planes().len(), full.film.planes().len()), (0, 12));
     assert!(full.counters.rays_camera > plain.counters.rays_camera);
 }
 
-/// The parts by number of bounces sum to the beauty, pixel by pixel, up to the rounding of f32 sums of 64 terms.
+/// The parts by number of bounces sum to the beauty, all of them or in three, pixel by pixel, up to the rounding of f32
+/// sums of 64 terms.
 #[test]
 fn bounces_sum_to_the_picture() {
     let mut b = SceneBuilder::new();
     let material = b.emitter(Vec3::new(0.9, 0.5, 0.1), Vec3::ONE);
     b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, material);
     b.camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.3, 0.1), Vec3::Y, 1.0);
-    let render = render(&b.build(), options(16, 16, 8).aovs(vec![Aov::BOUNCES]));
-    let channels = channels(&render, &[Aov::BOUNCES]);
-    assert_eq!(channels.len(), 48);
+    let scene = b.build();
+    let bounces = render(&scene, options(16, 16, 8).aovs([Aov::BOUNCES]));
+    let three = [Aov::EMISSION, Aov::DIRECT, Aov::INDIRECT];
+    let by_edges = render(&scene, options(16, 16, 8).aovs(three));
+    assert_eq!((bounces.film.planes().len(), by_edges.film.planes().len()), (1, 3));
+    sum_to_the_picture(&bounces, &channels(&bounces, &[Aov::BOUNCES]), 48);
+    sum_to_the_picture(&by_edges, &channels(&by_edges, &three), 9);
+    let [emission, direct] = [Aov::EMISSION, Aov::DIRECT].map(|aov| by_edges.film.layer(aov).expect("asked for"));
+    let seen = bounces.film.path_lengths().expect("asked for");
+    for (layer, edges) in [(emission, 1), (direct, 2)] {
+        let near = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).all(|c| (a[c] - b[c]).abs() <= 1e-12 * b[c]);
+        assert!(layer.iter().zip(&seen.image(edges)).all(near), "paths of {edges} edges");
+    }
+}
+
+fn sum_to_the_picture(render: &Render, channels: &[Channel], expected: usize) {
+    assert_eq!(channels.len(), expected);
     for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
         for (p, pixel) in render.film.pixels.iter().enumerate() {
             let parts = channels.iter().filter(|channel| channel.name.ends_with(name));

@@ -12,7 +12,10 @@ pub mod beauty;
 pub mod bounces;
 pub mod coverage;
 pub mod depth;
+pub mod direct;
+pub mod emission;
 pub mod geometric_normal;
+pub mod indirect;
 #[doc(hidden)]
 pub mod kind;
 pub mod normal;
@@ -31,6 +34,9 @@ pub static LAYERS: &[&Layer] = &[
     &stderr::LAYER,
     &spp::LAYER,
     &bounces::LAYER,
+    &emission::LAYER,
+    &direct::LAYER,
+    &indirect::LAYER,
     &albedo::LAYER,
     &normal::LAYER,
     &geometric_normal::LAYER,

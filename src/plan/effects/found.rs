@@ -2,7 +2,6 @@
 
 use super::asked::{Asked, Placed};
 use crate::plain::one_line;
-use crate::plan::aov::Gathers;
 use crate::plan::options::{Roulette, TextureFilter};
 use crate::scene::{AlphaMode, Fact, Material, Projection, PunctualKind, TextureSlot};
 
@@ -187,7 +186,7 @@ pub fn instancing(asked: &Asked) -> Option<String> {
 }
 
 pub fn per_length(asked: &Asked) -> Option<String> {
-    let wanted = asked.options.per_length || asked.options.aovs.iter().any(|aov| aov.gathers() == Gathers::PathLengths);
+    let wanted = asked.options.per_length || asked.options.aovs.iter().any(|aov| aov.is_of_lengths());
     wanted.then(|| "asked for".into())
 }
 
