@@ -24,7 +24,7 @@ use glam::{Affine3A, Vec2, Vec3, Vec4};
 use pathspace::Scene;
 use pathspace::backend::BackendKind;
 use pathspace::plan::Gate;
-use pathspace::render::{FilterKind, Lens, RenderOptions, Renderer, Roulette, SamplerKind, Strategy};
+use pathspace::render::{FilterKind, Fog, Lens, RenderOptions, Renderer, Roulette, SamplerKind, Strategy};
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::BAKE_MESH_TRIANGLES;
 use pathspace::scene::motion::{Shutter, Track};
@@ -85,6 +85,15 @@ const ROWS: &[Row] = &[
     row("rough transmission, solid", "base", "rough-glass", None),
     row("transmission, thin wall", "base", "thin", None),
     row("absorption", "glass", "absorption", Some(Gate::MEDIA)),
+    row("clearcoat", "coat", "clearcoat", None),
+    row("sheen", "coat", "sheen", None),
+    row("iridescence", "coat", "iridescence", None),
+    row("anisotropy", "metal", "anisotropy", None),
+    row("diffuse transmission", "coat", "diffuse-transmission", None),
+    row("dispersion", "glass", "dispersion", None),
+    row("solid that scatters", "rough-glass", "scattering", None),
+    row("fog", "base", "fog", None),
+    row("coincident faces", "base", "coincident", Some(Gate::COINCIDENT)),
     row("unlit", "base", "unlit", None),
     row("light sampling at all", "dark", "base", Some(Gate::LIGHT_SAMPLING)),
     row("choice: two lights for one", "one-light", "base", None),
@@ -125,14 +134,35 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
         _ => drop(b.quad(lamp_corners(), MaterialId(1))),
     }
 
+    let coat = Material { metallic: 0.0, roughness: 0.5, base_color: RED, ..Material::default() };
     let clear = Material { metallic: 0.0, roughness: 0.0, transmission: 1.0, ior: 1.5, ..Material::default() };
     let ball = match name {
-        "coat" => b.material(Material { metallic: 0.0, roughness: 0.5, base_color: RED, ..Material::default() }),
+        "coat" => b.material(coat),
+        "clearcoat" => b.material(Material { clearcoat: 1.0, clearcoat_roughness: 0.1, ..coat }),
+        "sheen" => b.material(Material { sheen_color: Vec3::splat(0.8), sheen_roughness: 0.4, ..coat }),
+        "iridescence" => b.material(Material { iridescence: 1.0, ..coat }),
+        "diffuse-transmission" => b.material(Material { diffuse_transmission: 0.5, ..coat }),
+        "anisotropy" => b.material(Material {
+            roughness: 0.3,
+            metallic: 1.0,
+            anisotropy: 0.8,
+            base_color: RED,
+            ..Material::default()
+        }),
         "metal" => b.metal(RED, 0.1),
         "mirror" => b.metal(RED, 0.0),
         "glass" => b.material(Material { thickness: 1.0, ..clear }),
         "rough-glass" => b.material(Material { thickness: 1.0, roughness: 0.5, ..clear }),
         "thin" => b.material(clear),
+        "dispersion" => b.material(Material { thickness: 1.0, dispersion: 1.0, ..clear }),
+        "scattering" => b.material(Material {
+            thickness: 1.0,
+            roughness: 0.5,
+            attenuation_color: RED,
+            attenuation_distance_m: 0.2,
+            multiscatter_color: Vec3::splat(0.8),
+            ..clear
+        }),
         "absorption" => {
             b.material(Material { thickness: 1.0, attenuation_color: RED, attenuation_distance_m: 0.5, ..clear })
         }
@@ -172,6 +202,12 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     );
 
     match name {
+        "fog" => options.fog = Some(Fog { sigma_t: 0.5, albedo: 0.8, g: 0.3 }),
+        // On the floor's face.
+        "coincident" => {
+            let on = b.lambert(RED);
+            b.quad([(-0.5, 0.5), (0.0, 0.5), (0.0, 0.0), (-0.5, 0.0)].map(|(x, z)| Vec3::new(x, -1.0, z)), on);
+        }
         "lens" => options.lens = Some(Lens { radius_m: 0.02, focus_m: 2.4 }),
         "environment" => drop(b.environment(Environment::constant(Vec3::splat(0.5)))),
         "point-light" => drop(b.point_light(Vec3::new(-0.5, 0.5, 0.5), Vec3::ONE)),
