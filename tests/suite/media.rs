@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec3};
 use pathspace::backend::BackendKind;
 use pathspace::backend::batch::{INVALID_ID, RayHitBlock};
 use pathspace::backend::{self, Coherence};
-use pathspace::plan::options::{CameraChoice, Fog, Strategy};
+use pathspace::plan::options::{CameraChoice, Fog, Roulette, Strategy};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::{Geometry, NO_SOLID};
@@ -275,6 +275,61 @@ fn stacks_are_what_winding_numbers_say() {
     }
     // A crossing within 10⁻⁴ m of another is passed over by the step of this test, not by the stack.
     assert!(checked > 1500 && wrong <= checked / 500, "{wrong} of {checked}");
+}
+
+/// Rays through nested and overlapping closed meshes that take off nothing on a finite way and everything on an
+/// infinite one: a ray that believes to be in a solid when it leaves the scene is black, all others bring 1. Straight
+/// through boundaries between equal indices, then refracted, from outside and from within the innermost. And a core
+/// that is black at once, so that a boundary which was not entered shows as well. Nothing random is judged: 0 rays may
+/// be wrong. 2·10⁵ rays; `PATHSPACE_MEDIA_RAYS=1e8 cargo test --release rays_know -- --nocapture` takes that many.
+#[test]
+fn rays_know_their_media() {
+    let asked = std::env::var("PATHSPACE_MEDIA_RAYS").ok().and_then(|rays| rays.parse::<f64>().ok());
+    let (side, spp) = (64u32, 8);
+    let seeds = (asked.unwrap_or(2e5) / f64::from(side * side * spp) / 6.0).ceil() as u64;
+    let mut rays = 0u64;
+    for indices in [[1.0, 1.0, 1.0], [1.5, 1.33, 1.2]] {
+        for (inside, core) in [(false, false), (true, false), (false, true)] {
+            let mut b = SceneBuilder::new();
+            let endless = |ior| Material { attenuation_distance_m: 1e12, ..solid(ior, 0.5) };
+            let of = indices.map(|ior| b.material(endless(ior)));
+            for (at, radius, material) in [(0.0, 1.0, 0), (0.0, 0.8, 1), (0.1, 0.6, 2), (-0.05, 0.5, 0), (0.7, 0.6, 1)]
+            {
+                b.sphere(Vec3::new(at, 0.0, 0.0), radius, 24, false, false, of[material]);
+            }
+            b.cuboid(Vec3::new(-0.3, -0.2, -0.4), Vec3::new(0.1, 0.5, 0.2), false, of[1]);
+            if core {
+                let black = b.material(Material { attenuation_distance_m: 1e-6, ..solid(indices[0], 0.5) });
+                b.cuboid(Vec3::splat(-0.1), Vec3::splat(0.1), false, black);
+            }
+            b.environment(pathspace::scene::Environment::constant(Vec3::ONE));
+            let eye = if inside { Vec3::new(-0.05, 0.01, 0.02) } else { Vec3::new(0.0, 0.0, 4.0) };
+            b.camera(eye, Vec3::new(0.02, 0.01, -0.03), Vec3::Y, if inside { 2.0 } else { 0.55 });
+            let scene = b.build();
+            for seed in 0..seeds {
+                let options = options(side, side, u64::from(spp)).seed(seed).strategy(Strategy::BSDF);
+                let options = options.max_depth(1000).roulette(Roulette::Off);
+                let render = render(&scene, options);
+                for (i, pixel) in render.film.pixels.iter().enumerate() {
+                    let mean = pixel.mean();
+                    // Of the core, only where straight rays meet it for certain, and where they cannot.
+                    let (x, y) = (i as u32 % side, i as u32 / side);
+                    let from_middle = (x as f32 + 0.5 - 32.0).abs().max((y as f32 + 0.5 - 32.0).abs());
+                    let expected = match (core, indices[0] == 1.0) {
+                        (false, _) => 1.0,
+                        (true, true) if from_middle < 2.0 => 0.0,
+                        (true, true) if from_middle > 6.0 => 1.0,
+                        _ => continue,
+                    };
+                    let what = format!("indices {indices:?}, inside {inside}, core {core}, seed {seed}, pixel {x},{y}");
+                    let least = 0.5 / f64::from(spp);
+                    assert!(mean[..3].iter().all(|c| (c - expected).abs() < least), "{what}: {mean:?}");
+                }
+                rays += u64::from(side * side * spp);
+            }
+        }
+    }
+    println!("{rays} camera rays, none wrong about its medium");
 }
 
 /// Cavities belong to the body around them, pieces are bodies, open meshes are known.
