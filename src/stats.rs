@@ -2,6 +2,8 @@
 //! never renamed. Units are in the names; times are wall seconds, rates are 10⁶ per second of `seconds.render`.
 
 pub mod bias;
+#[doc(hidden)]
+pub mod curve;
 pub mod error_log;
 
 use serde::Serialize;

@@ -52,9 +52,14 @@ const WHITE: [f32; 3] = [0.95042854, 1.0, 1.0889004];
 /// Mean HDR-FLIP of `image` against `reference`, both scene-linear, `width` pixels a row. Negative and non-finite
 /// values count as black.
 pub fn hdr_flip(image: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> f64 {
+    mean(&hdr_flip_map(image, reference, width))
+}
+
+/// HDR-FLIP of each pixel, as [`hdr_flip`].
+pub fn hdr_flip_map(image: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f32> {
     assert_eq!(image.len(), reference.len(), "images of different size reached FLIP");
     if image.is_empty() {
-        return 0.0;
+        return Vec::new();
     }
     let detector = Detector::new();
     let exposures = exposures(reference);
@@ -66,7 +71,7 @@ pub fn hdr_flip(image: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> f64
             *worst = worst.max(value);
         }
     }
-    mean(&worst)
+    worst
 }
 
 /// Mean LDR-FLIP of two images in display-linear values within [0, 1] (an sRGB image after decoding).

@@ -246,6 +246,10 @@ pub struct RenderArgs {
     /// Write statistics as JSON; - for stdout
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     pub stats: Option<PathBuf>,
+    /// Write a page for a browser, complete in itself: the picture, a map of its noise, the layers of --aov, the plan,
+    /// the known biases, the error against time, the statistics, and the command line
+    #[arg(long, value_name = "FILE.html", help_heading = "Output")]
+    pub report: Option<PathBuf>,
     /// Picture to hold the render against while it runs, OpenEXR of the same size; needs --error-log
     #[arg(long, value_name = "REF.exr", requires = "error_log", help_heading = "Output")]
     pub reference: Option<PathBuf>,
@@ -278,7 +282,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "X,Y", value_parser = units::pixel, help_heading = "Replay", conflicts_with_all = [
         "preview", "serve", "display_server", "output", "png", "jpg", "quick", "exposure", "tone_map", "transparent",
         "background", "make_path", "aov",
-        "half", "reproducible", "stats", "reference", "error_log", "time", "error",
+        "half", "reproducible", "stats", "report", "reference", "error_log", "time", "error",
         "crop", "progress",
     ])]
     pub pixel: Option<(u32, u32)>,
@@ -612,9 +616,14 @@ pub struct CompareArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-    /// Also draw the relative difference pixel by pixel: black 0, violet 15 %, red 30 %, yellow 40 % and more
+    /// Also draw the difference of each pixel, relative to the reference: from black (none) through red to pale yellow,
+    /// with the scale printed below
     #[arg(short, long, value_name = "DIFF.png")]
     pub output: Option<PathBuf>,
+    /// Also write a page for a browser, complete in itself: both images in one place to be switched by a click or a
+    /// key, their difference, FLIP, and the metrics
+    #[arg(long, value_name = "FILE.html")]
+    pub html: Option<PathBuf>,
     /// Fail where a channel differs by more than this
     #[arg(long, value_name = "X", default_value = "1e-6", value_parser = units::not_negative)]
     pub fail: f32,

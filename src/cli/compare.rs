@@ -4,13 +4,17 @@
 use std::path::Path;
 
 use super::args::CompareArgs;
+use super::html;
 use super::output::{print, to_json};
 use super::report::stderr_line;
 use crate::accuracy::verdict::{self, Judgement, Thresholds, Verdict};
 use crate::error::{Error, Result};
 use crate::film::atomic::{check_writable, write_atomically};
 use crate::film::exr::{Picture, read_exr};
-use crate::film::look::{Format, Preview, srgb_byte};
+use crate::film::look::Format;
+use crate::film::png;
+use crate::plain::plain;
+use crate::plot::heat::HeatMap;
 
 /// Exit code: the images have different windows.
 const EXIT_DIFFERENT_SIZE: u8 = 3;
@@ -37,6 +41,13 @@ fn check_and_compare(args: &CompareArgs) -> Result<u8> {
         }
         check_writable(path)?;
     }
+    if let Some(path) = &args.html {
+        if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("html")) {
+            let problem = format!("{}: the name must end in .html", path.display());
+            return Err(Error::Option { option: "--html", problem });
+        }
+        check_writable(path)?;
+    }
     match (read(&args.image), read(&args.reference)) {
         (Ok(image), Ok(reference)) => compare(args, &image, &reference),
         (image, reference) => {
@@ -59,17 +70,11 @@ fn read(path: &Path) -> Result<Picture> {
 
 /// How far `image` is from `reference` in each pixel, relative to the reference, or to a tenth of its mean where that
 /// is more. What is not finite is as far as can be.
-fn difference(image: &Picture, reference: &Picture) -> Preview {
-    let grey = |rgb: &[f32; 3]| rgb.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0;
-    let finite = reference.rgb.iter().map(grey).filter(|grey| grey.is_finite());
-    let mean = finite.sum::<f64>() / reference.rgb.len().max(1) as f64;
-    let bytes = image.rgb.iter().zip(&reference.rgb).flat_map(|(a, b)| {
-        let off = a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / 3.0;
-        let e = off / grey(b).max(0.1 * mean).max(f64::MIN_POSITIVE);
-        let e = if e.is_nan() { 1.0 } else { e };
-        [3.0 * e, 4.0 * e - 0.6, 0.5 - 3.0 * (e - 0.15).abs()].map(srgb_byte)
-    });
-    Preview { width: image.width as u32, height: image.height as u32, alpha: false, bytes: bytes.collect() }
+fn difference(image: &Picture, reference: &Picture) -> HeatMap {
+    let off =
+        |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / 3.0;
+    let off: Vec<f64> = image.rgb.iter().zip(&reference.rgb).map(off).collect();
+    HeatMap::of(&html::picture::relative(&off, &reference.rgb))
 }
 
 fn compare(args: &CompareArgs, image: &Picture, reference: &Picture) -> Result<u8> {
@@ -88,9 +93,17 @@ fn compare(args: &CompareArgs, image: &Picture, reference: &Picture) -> Result<u
         stderr_line(format_args!("pathspace: error: images differ in size: {}, {}", text(image), text(reference)));
         return Ok(EXIT_DIFFERENT_SIZE);
     };
-    if let Some(path) = &args.output {
-        let png = difference(image, reference).png();
-        write_atomically(path, |writer| std::io::Write::write_all(writer, &png))?;
+    if args.output.is_some() || args.html.is_some() {
+        let map = difference(image, reference);
+        if let Some(path) = &args.output {
+            let (width, height, bytes) = map.with_scale(image.width);
+            let png = png::encode_rgb(&bytes, width as u32, height as u32);
+            write_atomically(path, |writer| std::io::Write::write_all(writer, &png))?;
+        }
+        if let Some(path) = &args.html {
+            let page = html::compare::page((&args.image, image), (&args.reference, reference), &map, &found);
+            write_atomically(path, |writer| std::io::Write::write_all(writer, plain(&page).as_bytes()))?;
+        }
     }
     print(&if args.json { to_json(&found) } else { text(&found) })?;
     Ok(match found.verdict {
@@ -134,8 +147,9 @@ fn text(r: &Judgement) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plot::heat::heat;
 
-    /// Oracle: the ends of the scale by hand, black and yellow.
+    /// Oracle: the ends of the scale.
     #[test]
     fn pixels_that_are_no_number_are_the_worst() {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -150,7 +164,7 @@ mod tests {
         };
         let (plain, broken) = (picture("a.exr", 1.0), picture("b.exr", f64::NAN));
         for (image, reference) in [(&broken, &plain), (&plain, &broken)] {
-            assert_eq!(difference(image, reference).bytes, [0, 0, srgb_byte(0.05), 255, 255, 0]);
+            assert_eq!(difference(image, reference).bytes, [heat(0.0), heat(1.0)].concat());
         }
     }
 }

@@ -24,7 +24,7 @@ use crate::film::atomic::write_atomically;
 const MOST_LISTED: usize = 1024;
 
 /// Options of renders that name a file of each frame.
-const NAMING_FILES: [&str; 4] = ["--png", "--jpg", "--jpeg", "--stats"];
+const NAMING_FILES: [&str; 5] = ["--png", "--jpg", "--jpeg", "--stats", "--report"];
 
 /// Seconds between the warning and the end of a task.
 const NOTICE_SECONDS: u32 = 120;

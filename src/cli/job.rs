@@ -39,6 +39,8 @@ pub struct Outputs {
     pub stdout: bool,
     /// Statistics; [`STREAM`] is stdout.
     pub stats: Option<PathBuf>,
+    /// The page about the render.
+    pub report: Option<PathBuf>,
     /// The error against a reference, pass by pass.
     pub error_log: Option<PathBuf>,
     /// The state of the render: how often, and where.
@@ -56,7 +58,7 @@ impl Outputs {
     pub fn check(args: &RenderArgs) -> Result<Self> {
         let stats = args.stats.clone().map(|path| if is_stdout(&path) { STREAM.into() } else { path });
         let (error_log, preview) = (args.error_log.clone(), args.live.preview.clone());
-        let mut outputs = Outputs { stats, error_log, preview, ..Outputs::default() };
+        let mut outputs = Outputs { stats, error_log, preview, report: args.report.clone(), ..Outputs::default() };
         match &args.output {
             Some(output) if is_stdout(output) => outputs.stdout = true,
             Some(output) => match extension(output).as_deref() {
@@ -98,8 +100,9 @@ impl Outputs {
         }
         let picture = outputs.exr.as_deref().or(outputs.previews.first().map(PathBuf::as_path));
         outputs.checkpoint = args.production.checkpoint(picture)?;
-        if outputs.exr.is_none() && outputs.checkpoint.is_none() && !args.aov.is_empty() {
-            return refuse("--aov", "extra channels need an output that ends in .exr".into());
+        let shows_layers = outputs.exr.is_some() || outputs.checkpoint.is_some() || outputs.report.is_some();
+        if !shows_layers && !args.aov.is_empty() {
+            return refuse("--aov", "extra channels need an output that ends in .exr, or a --report".into());
         }
         if outputs.exr.is_none() && args.half {
             return refuse("--half", "it applies to OpenEXR only: the output must end in .exr".into());
@@ -136,6 +139,9 @@ impl Outputs {
         {
             return refuse("--stats", format!("{}: the name must end in .json", stats.display()));
         }
+        if let Some(report) = outputs.report.as_ref().filter(|path| extension(path).as_deref() != Some("html")) {
+            return refuse("--report", format!("{}: the name must end in .html", report.display()));
+        }
         if let Some(log) = &outputs.error_log
             && extension(log).as_deref() != Some("csv")
         {
@@ -164,9 +170,9 @@ impl Outputs {
         }
     }
 
-    /// Whether previews are made.
+    /// Whether previews are made, in files of their own or in the page.
     pub fn has_previews(&self) -> bool {
-        self.stdout || !self.previews.is_empty() || self.preview.is_some()
+        self.stdout || !self.previews.is_empty() || self.preview.is_some() || self.report.is_some()
     }
 
     /// The files with the options that name them.
@@ -174,7 +180,8 @@ impl Outputs {
         let pictures = self.exr.iter().chain(&self.previews).map(|path| ("--output", path));
         let stats = self.stats.iter().filter(|path| *path != Path::new(STREAM)).map(|path| ("--stats", path));
         let pictures = pictures.chain(self.preview.iter().map(|path| ("--preview", path)));
-        let records = stats.chain(self.error_log.iter().map(|path| ("--error-log", path)));
+        let records = stats.chain(self.report.iter().map(|path| ("--report", path)));
+        let records = records.chain(self.error_log.iter().map(|path| ("--error-log", path)));
         pictures.chain(records).chain(self.checkpoint.iter().map(|(_, path)| ("--checkpoint", path)))
     }
 
@@ -186,15 +193,16 @@ impl Outputs {
             previews: self.previews.iter().map(file).collect(),
             stdout: self.stdout,
             stats: self.stats.as_ref().map(file),
+            report: self.report.as_ref().map(file),
             error_log: self.error_log.as_ref().map(file),
             preview: self.preview.clone(),
             checkpoint: self.checkpoint.as_ref().map(|(every, path)| (*every, file(path))),
         }
     }
 
-    /// Whether the pictures and the statistics are all there.
+    /// Whether the pictures and what is written about them are all there.
     pub fn exist(&self) -> bool {
-        self.exr.iter().chain(&self.previews).chain(&self.stats).all(|path| path.is_file())
+        self.exr.iter().chain(&self.previews).chain(&self.stats).chain(&self.report).all(|path| path.is_file())
     }
 
     /// The scene's own files, known once it is loaded, are none of the outputs.

@@ -9,6 +9,7 @@ pub mod compare;
 pub mod doctor;
 pub mod farm;
 mod frames;
+mod html;
 pub mod info;
 pub mod job;
 mod keeping;
@@ -29,6 +30,7 @@ pub mod units;
 pub mod verify;
 pub mod view;
 mod waiting;
+pub mod words;
 
 use crate::error::{Error, Result};
 use crate::machine;

@@ -5,7 +5,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use super::args::RenderArgs;
+use super::args::{Cli, RenderArgs};
+use super::html::render as html;
 use super::job::{self, Fallback, Outputs, STREAM};
 use super::keeping::{self, Keeping};
 use super::live::watch::Watchers;
@@ -22,6 +23,7 @@ use crate::film::exr::ExrOptions;
 use crate::film::look::Look;
 use crate::film::tone::ToneMap;
 use crate::machine;
+use crate::plain::plain;
 use crate::plan::RenderPlan;
 use crate::plan::record::PlanRecord;
 use crate::render::checkpoint::Checkpoint;
@@ -69,7 +71,7 @@ fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Ins
     let earlier = keeping::earlier(args.production.resume.as_deref())?;
     // Before the scene is loaded, so that addresses that are taken or nobody answers at are known at once.
     let name = args.output.as_ref().unwrap_or(&args.scene).display().to_string();
-    let watchers = &RefCell::new(Watchers::start(&args.live, &name, verbosity)?);
+    let watchers = &RefCell::new(Watchers::start(&args.live, args.report.is_some(), &name, verbosity)?);
     let waiting = Waiting::begin(verbosity, "loading");
     let scene = &job::load(&args.scene, &args.settings, Fallback::of(args))?;
     drop(waiting);
@@ -120,6 +122,7 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     // A first look asks for no error: it takes what it gets in its time.
     let target = options.error.filter(|_| args.error.is_some() || !args.quick);
+    let resumed = earlier.is_some();
     let about =
         keeping::about(renderer, (&args.production, outputs.checkpoint.is_some()), earlier.as_ref().zip(resume))?;
     let accepted = about.as_ref().map(|about| about.accepted.clone()).filter(|accepted| !accepted.is_empty());
@@ -181,7 +184,7 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
 
     let writing = Instant::now();
     let kept = keeping.finish(&render);
-    let written = if render.film.spp().max > 0 {
+    let mut written = if render.film.spp().max > 0 {
         if render.film.spp().min == 0 {
             verbosity.note("pathspace: warning: stopped before every pixel had a sample; those without are black");
         }
@@ -204,6 +207,16 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
         Some(path) if path == Path::new(STREAM) => print(&to_json(&stats))?,
         Some(path) => write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?,
         None => {}
+    }
+    if let Some(path) = outputs.report.as_deref().filter(|_| render.film.spp().max > 0) {
+        let watchers = watchers.borrow();
+        let (curve, given, frame) = (watchers.curve(), Cli::given(), part.map(|part| part.frame));
+        let shown = html::Shown { stats: &stats, look, aovs: &args.aov, curve, resumed, given, frame };
+        let page = html::page(renderer, &render, &shown)?;
+        keep(path, verbosity, |path| {
+            write_atomically(path, |writer| std::io::Write::write_all(writer, plain(&page).as_bytes()))
+        })?;
+        written.push(path.display().to_string());
     }
     verbosity.summary(&stats, &written);
     if let Some(fault) = &render.fault {

@@ -72,7 +72,7 @@ impl<'s> Sequence<'s> {
         warn(args, &outputs);
         let verbosity = Verbosity::of(args.quiet, args.verbose);
         let name = args.output.as_ref().unwrap_or(&args.scene).display().to_string();
-        let watchers = RefCell::new(Watchers::start(&args.live, &name, verbosity)?);
+        let watchers = RefCell::new(Watchers::start(&args.live, args.report.is_some(), &name, verbosity)?);
         Ok(Sequence { args, frames, outputs, signals, verbosity, watchers })
     }
 
@@ -338,7 +338,7 @@ impl<'s> Sequence<'s> {
             (load.missing_texture, load.texture_budget.decoder, Fallback::of(self.args)),
             self.args.half,
             self.args.sequence.turntable.map(|turns| (turns, frame)),
-            (!self.outputs.previews.is_empty()).then_some(previews),
+            (!self.outputs.previews.is_empty() || self.outputs.report.is_some()).then_some(previews),
         );
         let key = settings.bytes().fold(files, |key, byte| mix(key, byte.into()));
         Ok(format!("{key:016x}"))

@@ -1,5 +1,8 @@
-//! Drawings as SVG text, for `bench`, `accuracy` and the scaling bench: shapes and colours ([`svg`]), and plots in a
-//! frame of two axes ([`axes`]).
+//! What is drawn for people: shapes and colours as SVG text ([`svg`]), plots in a frame of two axes ([`axes`]), maps of
+//! values in colours ([`heat`]), and the pages that hold them ([`html`]); numbers with three digits ([`number`]).
 
 pub mod axes;
+pub mod heat;
+pub mod html;
+pub mod number;
 pub mod svg;

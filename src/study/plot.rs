@@ -2,8 +2,9 @@
 
 use super::report::{Report, Row};
 use super::settings::Role;
-use super::table::{error_of, saved, short};
+use super::table::{error_of, saved};
 use crate::plot::axes::{Axis, MARGIN, Plot, WIDTH};
+use crate::plot::number::short;
 use crate::plot::svg::{Anchor, COLOURS};
 
 /// The techniques that are drawn: the default and those that change one thing, as many as there are colours.

@@ -32,6 +32,7 @@ mod media;
 mod meter;
 mod normals;
 mod operator;
+mod pages;
 mod plan;
 mod production;
 mod properties;

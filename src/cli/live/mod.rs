@@ -6,7 +6,7 @@
 //! render, `watch` all of it as the render sees it.
 
 pub mod args;
-mod frame;
+pub mod frame;
 mod http;
 pub mod page;
 mod tev;

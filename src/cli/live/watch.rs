@@ -15,10 +15,12 @@ use super::tev::Tev;
 use crate::cli::args::Cli;
 use crate::cli::replay::story;
 use crate::cli::report::Verbosity;
+use crate::cli::words;
 use crate::error::Result;
 use crate::film::Film;
 use crate::film::look::Look;
 use crate::render::{Crop, Render, Renderer, Snapshot};
+use crate::stats::curve::ErrorCurve;
 
 /// Share of a render's time that showing it may take.
 const SHARE: f64 = 0.01;
@@ -29,9 +31,6 @@ const OF_THE_PAGE: [&str; 5] = ["address", "serve", "serve_anywhere", "exposure"
 /// Options in the place of which the page puts its own, once the camera was moved.
 const OF_THE_CAMERA: [&str; 4] = ["camera_orbit", "look_at", "aperture_radius", "focus_distance"];
 
-/// Most points of the page's curve.
-const MOST_POINTS: usize = 400;
-
 /// Who sees a render.
 pub struct Watchers {
     preview: Option<(PathBuf, Duration)>,
@@ -39,6 +38,8 @@ pub struct Watchers {
     written: Option<Instant>,
     tev: Option<Tev>,
     page: Option<Page>,
+    /// What a report shows of the error.
+    curve: Option<ErrorCurve>,
     verbosity: Verbosity,
     version: u64,
     /// What showing the picture at hand and answering clients has taken, besides the very first frame.
@@ -64,8 +65,7 @@ struct State {
     /// Estimated relative error.
     error: Option<f64>,
     target: Option<f64>,
-    /// Seconds and error, pass by pass.
-    curve: Vec<[f64; 2]>,
+    curve: ErrorCurve,
     done: bool,
     /// Where the camera stands, if it can be moved.
     view: Option<ViewChange>,
@@ -112,7 +112,7 @@ impl Page {
         state.target = plan.limits.error;
         state.view = view;
         state.plan = renderer.record().to_string();
-        (state.curve, state.done) = (Vec::new(), false);
+        (state.curve, state.done) = (ErrorCurve::default(), false);
     }
 
     /// Shows a frame of `film`.
@@ -121,13 +121,7 @@ impl Page {
         self.shared.show(Frame::of(film).bytes());
         let error = film.error_estimate().map(|estimate| estimate.relmse.sqrt());
         (self.state.spp, self.state.seconds, self.state.error) = (spp, elapsed.as_secs_f64(), error);
-        if let Some(error) = error.filter(|error| error.is_finite()) {
-            self.state.curve.push([elapsed.as_secs_f64(), error]);
-            if self.state.curve.len() > MOST_POINTS {
-                let mut number = 0;
-                self.state.curve.retain(|_| (number += 1, number % 2 == 0).1);
-            }
-        }
+        self.state.curve.push(elapsed, spp, error);
         self.tell();
     }
 
@@ -176,11 +170,11 @@ impl Page {
 }
 
 impl Watchers {
-    /// Connects everybody whom `args` name; tev shows the picture as `name`.
+    /// Connects everybody whom `args` name; tev shows the picture as `name`. For a `report` the error is noted down.
     ///
     /// # Errors
     /// Of addresses and connections.
-    pub fn start(args: &LiveArgs, name: &str, verbosity: Verbosity) -> Result<Self> {
+    pub fn start(args: &LiveArgs, report: bool, name: &str, verbosity: Verbosity) -> Result<Self> {
         let page = |address: &String| Page::start(address, args.serve_anywhere, verbosity);
         Ok(Watchers {
             preview: args.preview.clone().map(|path| (path, args.every)),
@@ -188,6 +182,7 @@ impl Watchers {
             written: None,
             tev: args.display_server.as_deref().map(|address| Tev::connect(address, name)).transpose()?,
             page: args.serve.as_ref().map(page).transpose()?,
+            curve: report.then(ErrorCurve::default),
             verbosity,
             version: 0,
             spent: Duration::ZERO,
@@ -196,12 +191,13 @@ impl Watchers {
 
     /// Whether there is nobody.
     pub fn is_empty(&self) -> bool {
-        self.preview.is_none() && self.tev.is_none() && self.page.is_none()
+        self.preview.is_none() && self.tev.is_none() && self.page.is_none() && self.curve.is_none()
     }
 
     /// The render begins; `look` is what a preview looks like.
     pub fn begin(&mut self, renderer: &Renderer, look: &Look) {
         (self.look, self.spent) = (look.clone(), Duration::ZERO);
+        self.curve = self.curve.take().map(|_| ErrorCurve::default());
         if let Some(page) = &mut self.page {
             page.begin(renderer, renderer.plan().window, None);
         }
@@ -246,7 +242,15 @@ impl Watchers {
         }
     }
 
+    /// How the error of the picture at hand has fallen.
+    pub fn curve(&self) -> Option<&ErrorCurve> {
+        self.curve.as_ref()
+    }
+
     fn show_now(&mut self, film: &Film, elapsed: Duration, spp: u64, last: bool) {
+        if let Some(curve) = &mut self.curve {
+            curve.push(elapsed, spp, film.error_estimate().map(|estimate| estimate.relmse.sqrt()));
+        }
         if let Some(page) = &mut self.page {
             page.show(film, elapsed, spp);
         }
@@ -271,20 +275,9 @@ impl Watchers {
 /// This command line as one that renders, but for the options `left_out` and those that the page says itself; and what
 /// it says of the camera.
 fn command(left_out: &[&str]) -> (String, String) {
-    let (mut line, mut camera) = (String::from("pathspace render"), String::new());
-    for (option, words) in Cli::given() {
-        if OF_THE_PAGE.contains(&option.as_str()) || left_out.contains(&option.as_str()) {
-            continue;
-        }
-        let text = if OF_THE_CAMERA.contains(&option.as_str()) { &mut camera } else { &mut line };
-        for word in words {
-            let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=%+#".contains(c);
-            text.push(' ');
-            match !word.is_empty() && word.chars().all(plain) {
-                true => text.push_str(&word),
-                false => text.push_str(&format!("'{}'", word.replace('\'', r"'\''"))),
-            }
-        }
-    }
-    (line, camera)
+    let mut given = Cli::given();
+    given.retain(|(option, _)| !OF_THE_PAGE.contains(&option.as_str()) && !left_out.contains(&option.as_str()));
+    let (camera, rest): (Vec<_>, Vec<_>) =
+        given.into_iter().partition(|(option, _)| OF_THE_CAMERA.contains(&option.as_str()));
+    (format!("pathspace render{}", words::line(&rest)), words::line(&camera))
 }
