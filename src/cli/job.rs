@@ -14,7 +14,7 @@ use super::{frames, quick};
 use crate::backend::QueryMode;
 use crate::backend::select::{self, Pins};
 use crate::error::{Error, Result};
-use crate::film::atomic::check_writable;
+use crate::film::atomic::{check_writable, sweep};
 use crate::film::look::Format;
 use crate::input;
 use crate::plan::options::ROULETTE_START;
@@ -158,9 +158,10 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// Takes the statistics of an earlier render away, which are not this one's. Other files of that name stay until
-    /// they are written over: the render may be refused because it reads them.
+    /// Takes the statistics of an earlier render away, which are not this one's, and what it left when it was killed.
+    /// Other files of that name stay until they are written over: the render may be refused because it reads them.
     pub fn forget(&self) {
+        self.files().for_each(|(_, path)| sweep(path));
         let Some(path) = self.stats.as_deref().filter(|path| *path != Path::new(STREAM)) else { return };
         let earlier = input::read(path).ok();
         let earlier = earlier.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());

@@ -3,11 +3,13 @@
 //! system frees it, and an older target stays as it was.
 //!
 //! A link cannot replace a file, so where the target exists the complete file is linked to `.NAME.PID-N.partial` and
-//! renamed in the next system call: between the two SIGKILL would leave that name behind. File systems without
-//! `O_TMPFILE` or links get the file under that name from the start; then SIGKILL leaves what was written by then.
+//! renamed in the next system call: between the two SIGKILL leaves that name behind. File systems without
+//! `O_TMPFILE` or links get the file under that name from the start; then SIGKILL leaves what was written by then. The
+//! next render of the same file [sweeps](sweep) that away; files that are on their way are locked (flock(2)).
 //! Permissions are those of the file that is replaced, else of any new file (0666 less the umask). Links are not
 //! followed: one at the target is replaced, and the name on the way is new, or another is taken.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, BufWriter, Seek, Write};
@@ -37,9 +39,16 @@ impl Partial {
         Ok(Partial { path: folder_of(path).join(partial), renamed: false })
     }
 
-    /// Makes the file, unless there is anything of this name, be it a link that leads nowhere.
+    /// Makes the file, locked, unless there is anything of this name, be it a link that leads nowhere.
     fn create(&self) -> io::Result<File> {
-        File::options().read(true).write(true).create_new(true).open(&self.path)
+        loop {
+            let file = File::options().read(true).write(true).create_new(true).open(&self.path)?;
+            // Where there are no locks nothing is swept away; elsewhere it may have been until now.
+            let _ = file.lock();
+            if self.path.exists() {
+                return Ok(file);
+            }
+        }
     }
 
     /// Takes the target's place.
@@ -110,6 +119,7 @@ type Sink = (File, Option<Partial>);
 
 fn create(path: &Path) -> io::Result<Sink> {
     if let Some(file) = unnamed::create(folder_of(path)) {
+        let _ = file.lock();
         return Ok((file, None));
     }
     let partial = Partial::of(path)?;
@@ -197,6 +207,31 @@ pub fn check_writable(path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Takes away what writers of `path` left that were killed: names on the way to it whose files nobody has locked.
+pub fn sweep(path: &Path) {
+    let (Some(name), Ok(entries)) = (path.file_name(), fs::read_dir(folder_of(path))) else { return };
+    let is_file = |entry: &fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_file());
+    for entry in entries.flatten().filter(|entry| is_on_the_way(&entry.file_name(), name) && is_file(entry)) {
+        let Ok(file) = File::options().write(true).open(entry.path()) else { continue };
+        if file.try_lock().is_ok() {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Whether `found` is a [`Partial`] of `name`.
+fn is_on_the_way(found: &OsStr, name: &OsStr) -> bool {
+    let rest = found.as_encoded_bytes().strip_prefix(b".");
+    let rest = rest.and_then(|rest| rest.strip_prefix(name.as_encoded_bytes()));
+    let numbers = rest.and_then(|rest| rest.strip_prefix(b".")).and_then(|rest| rest.strip_suffix(b".partial"));
+    // Process, count, chance.
+    let is_number = |part: &[u8]| !part.is_empty() && part.iter().all(u8::is_ascii_hexdigit);
+    numbers.is_some_and(|numbers| {
+        let parts: Vec<&[u8]> = numbers.split(|&byte| byte == b'-').collect();
+        parts.len() == 3 && parts.into_iter().all(is_number)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::{BufRead, BufReader};
@@ -277,6 +312,27 @@ mod tests {
         assert_eq!(fs::read(&path).expect("a file"), b"new");
         assert_ne!(Partial::of(&path).expect("a name").path.file_name().map(|name| name.len()), None);
         assert!(check_writable(&folder.path().join("o.exr/")).is_err());
+    }
+
+    /// What a killed writer left goes; files on their way, of other targets, and anything else stay.
+    #[test]
+    fn what_was_left_is_swept_away() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (path, other) = (folder.path().join("a"), folder.path().join("a.5"));
+        let [left, alive, others] = [&path, &path, &other].map(|path| Partial::of(path).expect("a name"));
+        let _alive = alive.create().expect("a writable folder");
+        for partial in [&left, &others] {
+            drop(partial.create().expect("a writable folder"));
+        }
+        for name in ["a", ".a.partial", ".a.1-2.partial", ".a.b.partial"] {
+            fs::write(folder.path().join(name), "").expect("a writable folder");
+        }
+        assert_eq!(entries(folder.path()), 7);
+        sweep(&path);
+        assert!(!left.path.exists() && alive.path.exists() && others.path.exists());
+        assert_eq!(entries(folder.path()), 6);
+        sweep(&other);
+        assert!(alive.path.exists() && !others.path.exists());
     }
 
     #[test]
