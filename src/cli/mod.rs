@@ -41,6 +41,13 @@ use args::{Cli, Command};
 /// # Errors
 /// Whatever stopped the command; [`Error::exit_code`](crate::Error::exit_code) says how the process should end.
 pub fn run(cli: &Cli) -> Result<u8> {
+    signal::survive_file_limits()?;
+    let exit = dispatch(cli)?;
+    signal::explain(exit);
+    Ok(exit)
+}
+
+fn dispatch(cli: &Cli) -> Result<u8> {
     let threads = match &cli.command {
         Command::Render(args) => args.settings.threads,
         Command::Verify(args) => args.threads,

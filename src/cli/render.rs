@@ -188,7 +188,12 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
         if render.film.spp().min == 0 {
             verbosity.note("pathspace: warning: stopped before every pixel had a sample; those without are black");
         }
-        write_pictures(outputs, &render.film, &exr_of(&render), (look, verbosity))?
+        let written = write_pictures(outputs, &render.film, &exr_of(&render), (look, verbosity));
+        // The command ends with one error: this one would not be told.
+        if let (Err(_), Err((error, false))) = (&written, &kept) {
+            stderr_line(format_args!("pathspace: error: {error}"));
+        }
+        written?
     } else {
         verbosity.note("pathspace: warning: stopped before the first sample; no picture was written");
         Vec::new()

@@ -2,14 +2,21 @@
 //! rendered is written, and the second ends the process at once. Before, while there is nothing to write, the first
 //! does. Exit codes are 128 + the signal's number. SIGHUP that is ignored (`nohup`) stays so. SIGUSR1 asks for the
 //! picture so far and ends nothing.
+//!
+//! SIGXCPU, the soft limit of processor time (setrlimit(2)), ends a render as they do. It comes again each second, so
+//! that it never counts as a second signal. SIGXFSZ, the limit of a file's size, is caught: the write fails instead.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
 
+use super::report::stderr_line;
 use crate::error::{Error, Result};
+
+/// Exit code: the limit of processor time has come.
+const EXIT_OUT_OF_TIME: u8 = 128 + SIGXCPU as u8;
 
 /// The signals that have arrived.
 pub struct Signals {
@@ -19,6 +26,10 @@ pub struct Signals {
     armed: Arc<AtomicBool>,
     /// Whether the picture so far was asked for.
     request: Arc<AtomicBool>,
+    /// Whether the limit of processor time ends the process.
+    loading: Arc<AtomicBool>,
+    /// Whether it has come.
+    out_of_time: Arc<AtomicBool>,
 }
 
 impl Signals {
@@ -34,16 +45,23 @@ impl Signals {
             flag::register_conditional_shutdown(signal, 128 + signal, armed.clone())
                 .and_then(|_| flag::register(signal, armed.clone()))
                 .and_then(|_| flag::register_usize(signal, last.clone(), signal as usize))
-                .map_err(|source| Error::io("signal handler", "install", source))?;
+                .map_err(refused)?;
         }
         let request = Arc::new(AtomicBool::new(false));
-        flag::register(SIGUSR1, request.clone()).map_err(|source| Error::io("signal handler", "install", source))?;
-        Ok(Signals { last, armed, request })
+        flag::register(SIGUSR1, request.clone()).map_err(refused)?;
+        let (loading, out_of_time) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
+        if !is_ignored(SIGXCPU) {
+            flag::register_conditional_shutdown(SIGXCPU, EXIT_OUT_OF_TIME.into(), loading.clone())
+                .and_then(|_| flag::register(SIGXCPU, out_of_time.clone()))
+                .map_err(refused)?;
+        }
+        Ok(Signals { last, armed, request, loading, out_of_time })
     }
 
     /// From now on there is something to write: the next signal is only noted.
     pub fn defer(&self) {
         self.armed.store(false, Ordering::SeqCst);
+        self.loading.store(false, Ordering::SeqCst);
     }
 
     /// Whether the picture so far has been asked for since this was asked last.
@@ -54,10 +72,30 @@ impl Signals {
     /// Exit code of the signal that has arrived, if one has.
     pub fn exit_code(&self) -> Option<u8> {
         match self.last.load(Ordering::SeqCst) {
-            0 => None,
+            0 => self.out_of_time.load(Ordering::SeqCst).then_some(EXIT_OUT_OF_TIME),
             signal => Some(128 + signal as u8),
         }
     }
+}
+
+/// Lets a write beyond the limit of a file's size fail with an error instead of ending the process.
+///
+/// # Errors
+/// [`Error::Io`] when the system refuses a handler.
+pub fn survive_file_limits() -> Result<()> {
+    // A handler, unlike an ignored signal, is not passed on to other programs.
+    flag::register(SIGXFSZ, Arc::default()).map(drop).map_err(refused)
+}
+
+/// Says why a command ends, where that is a limit and not somebody's signal.
+pub fn explain(exit: u8) {
+    if exit == EXIT_OUT_OF_TIME {
+        stderr_line("pathspace: error: ended by the limit of processor time (ulimit -t)");
+    }
+}
+
+fn refused(source: std::io::Error) -> Error {
+    Error::io("signal handler", "install", source)
 }
 
 /// Whether this process was started with a signal ignored. Source: `SigIgn` of `/proc/PID/status` (proc(5)).
