@@ -205,11 +205,13 @@ fn a_signal_while_loading_keeps_the_older_picture() {
     let grid = grid.set("/meshes/0/primitives/0", json!({"attributes": {"POSITION": positions}, "indices": indices}));
     let scene = grid.write(folder.path());
     let picture = write(folder.path(), "o.exr", b"older");
-    // Where it is served is said behind the handler of signals and before the scene is read.
-    let mut child = start(&["render", text(&scene), "-o", text(&picture), "--serve=127.0.0.1:0"], "see it at");
-    signal(&child, "INT");
-    assert_eq!(child.wait().expect("it ends").code(), Some(130));
-    assert_eq!(std::fs::read(&picture).expect("a file"), b"older");
+    for (name, code) in [("INT", 130), ("XCPU", 152)] {
+        // Where it is served is said behind the handler of signals and before the scene is read.
+        let mut child = start(&["render", text(&scene), "-o", text(&picture), "--serve=127.0.0.1:0"], "see it at");
+        signal(&child, name);
+        assert_eq!(child.wait().expect("it ends").code(), Some(code));
+        assert_eq!(std::fs::read(&picture).expect("a file"), b"older");
+    }
 }
 
 /// What a render writes is none of the files that it reads, and no folder.

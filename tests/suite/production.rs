@@ -1,7 +1,9 @@
 //! Renders that are killed, gone on with, split and joined, by the built binary. Oracle: one render without all that,
 //! bit for bit (`film_hash`, and the EXR byte for byte with `--reproducible`). Deterministic, whenever the kills come.
 
-use std::io::{BufRead, BufReader};
+mod limits;
+
+use std::io::{BufRead, BufReader, Read};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -17,8 +19,17 @@ use crate::loading::fixture::Fixture;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box/scene.gltf");
 
-/// Times that a render is killed.
-const KILLS: u64 = 6;
+/// Times that each of the [`KILLED`] is killed.
+const KILLS: u64 = 10;
+
+/// Settings of the renders that are killed.
+const KILLED: [&str; 5] = [
+    "--aov bounces,albedo,Z",
+    "--seed 7 --filter box -t 1",
+    "--backend obvhs --max-depth 4",
+    "--aov variance,spp --sampler independent",
+    "--strategy light --crop 9x7+3+2",
+];
 
 /// A folder, and the command run in it.
 struct Bench {
@@ -90,37 +101,70 @@ fn wait_for(path: &Path, child: &mut Child) {
     }
 }
 
+/// When a render is killed.
+enum Moment {
+    /// So long after it has begun.
+    Milliseconds(u64),
+    /// When it has saved its state so many times.
+    Checkpoints(u64),
+}
+
+/// Starts a render with `--progress ndjson` and kills it.
+fn kill_at(checkpoint: &Path, mut command: Command, moment: Moment) {
+    let age = || std::fs::metadata(checkpoint).and_then(|data| data.modified()).ok();
+    let mut before = age();
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the binary starts");
+    // The first object of progress says that it renders.
+    let mut stdout = child.stdout.take().expect("piped");
+    stdout.read_exact(&mut [0; 2]).expect("progress");
+    match moment {
+        Moment::Milliseconds(time) => std::thread::sleep(Duration::from_millis(time)),
+        Moment::Checkpoints(count) => (0..count).for_each(|_| {
+            while age() == before && child.try_wait().expect("a child").is_none() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            before = age();
+        }),
+    }
+    assert!(child.try_wait().expect("a child").is_none(), "it runs until it is killed");
+    child.kill().and_then(|()| child.wait()).expect("a child that runs");
+}
+
+/// 50 kills, each a while after the start of the render or after some checkpoints. Nothing is left but what was asked
+/// for.
 #[test]
 fn killed_renders_go_on_to_the_same_bits() {
-    let b = Bench::new();
-    let common = "--width 16 --height 12 --aov bounces,albedo,Z --reproducible";
-    let render = |args: &str| b.command(&[&["render", SCENE, "-q"][..], &args.split(' ').collect::<Vec<_>>()].concat());
-    let checkpoint = b.path("run.checkpoint");
-    let args = format!("{common} -o run.exr --stats run.json --checkpoint 5ms");
-    let age = || std::fs::metadata(&checkpoint).and_then(|data| data.modified()).ok();
-    for round in 0..KILLS {
-        let (before, resume) = (age(), if checkpoint.exists() { " --resume run.checkpoint" } else { "" });
-        // Far more than is ever rendered.
-        let mut command = render(&format!("{args} --spp 1000000000{resume}"));
-        let mut child = command.stderr(Stdio::null()).spawn().expect("the binary starts");
-        while age() == before && child.try_wait().expect("a child").is_none() {
-            std::thread::sleep(Duration::from_millis(1));
+    let mut state = 20u64;
+    let mut chance = |below: u64| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) % below
+    };
+    for settings in KILLED {
+        let b = Bench::new();
+        let common = format!("--width 16 --height 12 --reproducible {settings}");
+        let render =
+            |args: &str| b.command(&[&["render", SCENE, "-q"][..], &args.split(' ').collect::<Vec<_>>()].concat());
+        let args = format!("{common} -o run.exr --stats run.json --checkpoint 5ms");
+        for round in 0..KILLS {
+            let resume = if b.path("run.checkpoint").exists() { " --resume run.checkpoint" } else { "" };
+            // Far more than is ever rendered.
+            let command = render(&format!("{args} --spp 1000000000 --progress ndjson{resume}"));
+            let moment = match round % 2 {
+                0 => Moment::Checkpoints(1 + chance(3)),
+                _ => Moment::Milliseconds(5 + chance(56)),
+            };
+            kill_at(&b.path("run.checkpoint"), command, moment);
         }
-        // Some moment after the first checkpoint: while one is written, or between two.
-        std::thread::sleep(Duration::from_millis(7 * round % 20));
-        assert!(child.try_wait().expect("a child").is_none(), "it runs until it is killed");
-        child.kill().and_then(|()| child.wait()).expect("a child that runs");
+        let state = Checkpoint::restore(b.path("run.checkpoint")).expect("whole");
+        // An odd number of samples, so that there are several blocks.
+        let spp = state.render.film.spp().max.next_multiple_of(64) + 23;
+        b.run(0, render(&format!("{args} --spp {spp} --resume run.checkpoint")));
+        b.run(0, render(&format!("{common} --spp {spp} -o whole.exr --stats whole.json")));
+        assert_eq!(b.stat("run.json", "film_hash"), b.stat("whole.json", "film_hash"), "{settings}: {spp} spp");
+        assert_eq!(b.stat("run.json", "paths"), b.stat("whole.json", "paths"), "{settings}");
+        assert_eq!(b.bytes("run.exr"), b.bytes("whole.exr"), "{settings}");
+        assert_eq!(b.names(), ["run.checkpoint", "run.exr", "run.json", "whole.exr", "whole.json"], "{settings}");
     }
-    let state = Checkpoint::restore(&checkpoint).expect("whole");
-    // An odd number of samples, so that there are several blocks.
-    let spp = state.render.film.spp().max.next_multiple_of(64) + 23;
-    b.run(0, render(&format!("{args} --spp {spp} --resume run.checkpoint")));
-    b.run(0, render(&format!("{common} --spp {spp} -o whole.exr --stats whole.json")));
-    assert_eq!(b.stat("run.json", "film_hash"), b.stat("whole.json", "film_hash"), "{spp} spp");
-    assert_eq!(b.stat("run.json", "paths"), b.stat("whole.json", "paths"));
-    assert_eq!(b.bytes("run.exr"), b.bytes("whole.exr"));
-    let files = ["run.checkpoint", "run.exr", "run.json", "whole.exr", "whole.json"];
-    assert_eq!(b.names().into_iter().filter(|name| !is_partial(name)).collect::<Vec<_>>(), files);
 }
 
 /// Between link and rename a kill may leave a name behind (film/atomic.rs).
@@ -135,7 +179,7 @@ fn signals_save_the_state_and_usr1_the_picture_so_far() {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the binary starts");
     let mut stdout = child.stdout.take().expect("piped");
     // The first object of progress says that it listens. The rest is read, so that the child never waits for room.
-    std::io::Read::read_exact(&mut stdout, &mut [0; 2]).expect("progress");
+    stdout.read_exact(&mut [0; 2]).expect("progress");
     let reader = std::thread::spawn(move || std::io::copy(&mut stdout, &mut std::io::sink()));
     // Asked for again and again: the first ones may come before there is anything to show.
     while !b.path("a.exr").exists() && child.try_wait().expect("a child").is_none() {
@@ -293,12 +337,16 @@ fn checkpoints_that_cannot_be_written_cost_nothing_but_the_exit_code() {
     b.run(0, b.render("--spp 4 -o b.exr --resume gone/a.checkpoint"));
 }
 
+/// Where 16 parts of 64 samples begin and end.
+const SIXTEENTHS: [u64; 17] = [0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 52, 56, 60, 64];
+
 #[test]
 fn parts_by_samples_are_joined_to_the_bits_of_one_render() {
     let b = Bench::new();
     let aovs = "--aov bounces,albedo,Z,variance";
     for (spp, splits) in [
-        (64, &[&[0, 32, 64][..], &[0, 16, 32, 64], &[0, 4, 8, 16, 20, 24, 28, 32, 48, 56, 64]][..]),
+        // Of 2, 3, 10 and 16 parts; of 7 and 3.
+        (64, &[&[0, 32, 64][..], &[0, 16, 32, 64], &[0, 4, 8, 16, 20, 24, 28, 32, 48, 56, 64], &SIXTEENTHS][..]),
         (112, &[&[0, 16, 32, 48, 64, 80, 96, 112], &[0, 64, 96, 112]]),
     ] {
         b.run(0, b.render(&format!("--spp {spp} {aovs} -o whole.exr")));
