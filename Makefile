@@ -1,7 +1,7 @@
 # One command each, complete by itself: sets up what is missing, builds, runs. `make help` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help render bench gates robustness scaling test hard golden fuzz test-nolib lint
+.PHONY: help render bench gates robustness scaling test hard golden fuzz soak test-nolib lint
 .PHONY: setup setup-nolib setup-lint setup-gates setup-fuzz
 
 # Passed on to `cargo test`: `make test TESTS=backend::embree` runs those alone.
@@ -26,6 +26,8 @@ help:
 	@echo 'make fuzz         set up, build, feed mutated scenes, then images, to the loader for a minute each'
 	@echo '                  (FUZZ_SECONDS=600: ten); what breaks it lies in fuzz/target/findings,'
 	@echo '                  scripts/fuzz.sh FILE replays it (images FILE)'
+	@echo 'make soak         set up, build, render under random faults for an hour (SOAK_SECONDS=600: ten minutes):'
+	@echo '                  signals, limits, inputs that change, full disks; scripts/soak.py SEED replays a finding'
 	@echo 'make lint         set up, rustfmt, clippy and rustdoc with warnings as errors'
 	@echo 'make setup        install what building needs (Debian 12, 13);'
 	@echo '                  setup-nolib: without Embree and OpenImageIO; setup-lint: rustfmt and clippy;'
@@ -86,6 +88,11 @@ FUZZ_SECONDS ?= 60
 fuzz: setup-fuzz
 	scripts/fuzz.sh gltf $(FUZZ_SECONDS)
 	scripts/fuzz.sh images $(FUZZ_SECONDS)
+
+# Not in CI: what it finds depends on the moment. scripts/soak.py says what is done and what has to hold.
+soak: setup
+	cargo build --release
+	scripts/soak.py
 
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)

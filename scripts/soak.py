@@ -1,0 +1,299 @@
+#!/usr/bin/env python3
+"""Small renders under random faults, for as long as SOAK_SECONDS says (3600); make soak builds and runs it.
+
+    scripts/soak.py          cases of the seeds from SOAK_SEED (1) on
+    scripts/soak.py SEED     that case alone, told in full; its files stay in target/soak/SEED
+
+Kinds of faults: signals (TERM, INT, HUP, USR1, KILL) at random moments; inputs cut off, overwritten or removed while
+they are read; limits of descriptors, memory, file sizes, processes and processor time; a disk that is full (where this
+process may mount); two writers to the same outputs. A seed settles all choices, though not what the clock makes of
+them: a replay may need a few tries.
+
+What holds after each: an exit code that GUIDE.md lists for such a case, no panic and no abort, an end within 20 s, no
+file but those asked for, and outputs that are absent or readable: pictures by `compare`, states by `merge`. After a
+kill one more render with the same outputs removes what it may have left. One line for each finding, with its replay; a
+summary in the end; exit code 1 if anything was found. PATHSPACE names another binary than target/release/pathspace.
+"""
+
+import collections
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+BINARY = Path(os.environ.get("PATHSPACE", ROOT / "target/release/pathspace")).resolve()
+WORK = ROOT / "target/soak"
+# Seconds after which a process hangs: the longest that is planned is 3.
+HANG = 20
+# Small scenes more often than those of some megabytes.
+SCENES = {"cornell-box": 6, "in-motion": 3, "veach-mis": 3, "glass-caustics": 1, "env-object": 1}
+BAD_WORDS = ["panicked", "internal error", "terminate called", "stack overflow", "memory allocation of"]
+LOADER = "error while loading shared libraries"
+NOBODY = 65534
+NAMES = ["a.exr", "a.png", "a.json", "a.checkpoint"]
+
+
+class Case:
+    """One case: its random numbers, its folders and what was found in it."""
+
+    def __init__(self, seed):
+        self.seed, self.chance, self.found, self.told = seed, random.Random(seed), [], []
+        self.folder = WORK / str(seed)
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.out, self.tmp = self.folder / "out", self.folder / "tmp"
+        for folder in (self.out, self.tmp):
+            folder.mkdir(parents=True)
+            folder.chmod(0o777)
+        name = self.chance.choices(list(SCENES), list(SCENES.values()))[0]
+        self.scene = ROOT / "scenes" / name / "scene.gltf"
+        self.kind = self.chance.choice(KINDS)
+
+    def render(self, *more, out=None):
+        """Arguments of a render to all outputs."""
+        chance, out = self.chance, out or self.out
+        args = ["render", self.scene, "-q", "--width", chance.randint(1, 64), "--height", chance.randint(1, 48)]
+        args += ["-t", chance.randint(1, 4), "-o", out / "a.exr", "--png", out / "a.png", "--stats", out / "a.json"]
+        args += ["--aov", chance.choice(["variance", "bounces,albedo", "Z,N,spp"])]
+        args += chance.choice([[], ["--backend", "obvhs"]])
+        return [*args, "--checkpoint", f"{chance.randint(2, 80)}ms", out / "a.checkpoint", *more]
+
+    def start(self, args, limits=(), shell=(), user=None):
+        """Starts a command in a session of its own, under limits: (resource, soft, hard)."""
+        env = {name: value for name, value in os.environ.items() if name != "RUST_BACKTRACE"}
+        words = [*map(str, shell), str(BINARY), *map(str, args)]
+        self.told.append(" ".join(words))
+        process = subprocess.Popen(
+            words, cwd=self.folder, env=env | {"TMPDIR": str(self.tmp)}, user=user, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            preexec_fn=lambda: [resource.setrlimit(what, (soft, hard)) for what, soft, hard in limits],
+        )
+        process.began = time.monotonic()
+        return process
+
+    def end(self, process, allowed, sent=()):
+        """Waits for a process, whose exit code is one of those or of a signal that was sent."""
+        try:
+            _, said = process.communicate(timeout=HANG)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            _, said = process.communicate()
+            self.found.append(f"no end within {HANG} s")
+            return said.decode(errors="replace")
+        said, code = said.decode(errors="replace"), process.returncode
+        self.told.append(f"exit code {code} after {time.monotonic() - process.began:.1f} s\n{said}")
+        # Python's code of a process that a signal killed is -n.
+        expected = {*allowed, *(128 + number for number in sent), *(-number for number in sent)}
+        if code not in expected and not (code == 127 and LOADER in said):
+            last = said.strip().splitlines()[-1:] or ["nothing was said"]
+            self.found.append(f"exit code {code}: {last[0][:200]}")
+        self.found += [f"it said '{word}'" for word in BAD_WORDS if word in said]
+        return said
+
+    def run(self, args, allowed, **how):
+        return self.end(self.start(args, **how), allowed)
+
+    def send(self, process, number):
+        self.told.append(f"{signal.Signals(number).name} after {time.monotonic() - process.began:.3f} s")
+        if process.poll() is None:
+            os.kill(process.pid, number)
+
+    def check(self, said="", folder=None, names=None):
+        """What is left: nothing but outputs, whole."""
+        folder = folder or self.out
+        names = sorted(os.listdir(folder)) if names is None else names
+        self.found += [f"left behind: {name}" for name in names if name not in NAMES]
+        # Pictures that could not be written go there, and are named.
+        self.found += [f"left in TMPDIR: {name}" for name in os.listdir(self.tmp) if name not in said]
+        for path in (folder / name for name in NAMES if (folder / name).exists()):
+            if not self.is_whole(path):
+                self.found.append(f"{path.name} is not readable")
+
+    def is_whole(self, path):
+        def ask(*args):
+            return subprocess.run([BINARY, *args], capture_output=True, timeout=HANG).returncode
+
+        if path.suffix == ".exr":
+            return ask("compare", path, path) == 0
+        if path.suffix == ".checkpoint":
+            # One that was stopped between passes is refused as a part (2); one that is damaged cannot be read (1).
+            return ask("merge", path, "--allow-gaps", "-q", "-o", self.folder / "merged.exr") != 1
+        data = path.read_bytes()
+        if path.suffix == ".png":
+            return data.startswith(b"\x89PNG") and data.endswith(b"IEND\xaeB`\x82")
+        try:
+            return "schema" in json.loads(data)
+        except ValueError:
+            return False
+
+
+def signals(case):
+    """Signals at random moments; the last one asks for an end."""
+    chance = case.chance
+    args = case.render("--spp", "1000000000")
+    process, sent = case.start(args), []
+    for number in [chance.choice(["TERM", "INT", "HUP", "USR1", "KILL"]) for _ in range(chance.randint(1, 3))]:
+        time.sleep(chance.choice([0.05, 0.3, 1.0]) * chance.random())
+        sent.append(signal.Signals[f"SIG{number}"])
+        case.send(process, sent[-1])
+    if not {signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL} & set(sent):
+        time.sleep(chance.random())
+        sent.append(signal.SIGTERM)
+        case.send(process, signal.SIGTERM)
+    case.end(process, {0}, sent)
+    state = case.out / "a.checkpoint"
+    case.run([*args, "--time", "100ms", *(["--resume", state] if state.exists() else [])], {0})
+    case.check()
+
+
+def inputs(case):
+    """Inputs that change while they are read."""
+    chance = case.chance
+    folder = case.folder / "scene"
+    shutil.copytree(case.scene.parent, folder)
+    case.scene = folder / "scene.gltf"
+    environment = folder / "env.exr"
+    more = ["--env", environment] if environment.exists() else []
+    process = case.start(case.render("--spp", chance.choice([1, 16, 200]), "--time", "2s", *more))
+    for _ in range(chance.randint(1, 2)):
+        time.sleep(chance.choice([0.02, 0.2]) * chance.random())
+        files = sorted(path for path in folder.iterdir() if path.suffix in (".gltf", ".bin", ".exr"))
+        path = chance.choice(files) if files else folder
+        what, share = chance.choice(["cut", "fill", "remove"]), chance.random()
+        case.told.append(f"{what} {path.name} at {share:.3f} after {time.monotonic() - process.began:.3f} s")
+        if not files:
+            continue
+        size = path.stat().st_size
+        if what == "cut":
+            os.truncate(path, int(share * size))
+        elif what == "fill":
+            with path.open("r+b") as file:
+                file.seek(int(share * size))
+                file.write(chance.randbytes(64))
+        else:
+            path.unlink()
+    case.end(process, {0, 1, 4, 5})
+    case.check()
+
+
+def limits(case):
+    """Limits of the process."""
+    chance = case.chance
+    name = chance.choice(["NOFILE", "AS", "FSIZE", "NPROC", "CPU"])
+    most = {
+        "NOFILE": chance.randint(3, 48),
+        "AS": chance.randint(100, 2000) << 20,
+        "FSIZE": chance.choice([0, chance.randint(1, 4096), chance.randint(1, 1 << 18)]),
+        "NPROC": chance.randint(1, 8),
+        "CPU": 1,
+    }[name]
+    case.told.append(f"limit {name} {most}")
+    what = getattr(resource, f"RLIMIT_{name}")
+    # At the hard limit of processor time the system kills.
+    limit = (what, most, resource.getrlimit(what)[1] if name == "CPU" else most)
+    # Root has no limit of processes.
+    user = NOBODY if name == "NPROC" and os.geteuid() == 0 else None
+    duration, allowed = ("5s", {0, 152}) if name == "CPU" else ("500ms", {0, 1, 2})
+    said = case.run(case.render("--time", duration), allowed, limits=[limit], user=user)
+    case.check(said)
+
+
+def disk(case):
+    """A disk with too little room."""
+    chance, copy = case.chance, case.folder / "copy"
+    (case.folder / "disk").mkdir()
+    copy.mkdir()
+    script = (
+        f": >names; mount -t tmpfs -o size={4096 * chance.randint(1, 60)} none disk || exit 0; "
+        '"$@"; code=$?; ls -A disk >names; cp disk/* copy 2>/dev/null; exit $code'
+    )
+    args = case.render("--spp", chance.choice([1, 8, 64]), "--time", "2s", out=Path("disk"))
+    said = case.run(args, {0, 1}, shell=[*MOUNTING, "-c", script, "sh"])
+    case.check(said, copy, (case.folder / "names").read_text().split())
+
+
+def writers(case):
+    """Two renders to the same outputs."""
+    chance = case.chance
+    args = case.render("--time")
+    processes = []
+    for number in range(2):
+        processes.append(case.start([*args, f"{chance.randint(100, 900)}ms", "--seed", number]))
+        time.sleep(0.3 * chance.random())
+    sent = []
+    if chance.random() < 0.5:
+        sent.append(chance.choice([signal.SIGKILL, signal.SIGTERM]))
+        case.send(chance.choice(processes), sent[0])
+    for process in processes:
+        case.end(process, {0}, sent)
+    case.run([*args, "50ms"], {0})
+    case.check()
+
+
+def mounting():
+    """A shell that may mount, or none."""
+    for shell in (["unshare", "-rm", "sh"], ["unshare", "-m", "sh"]):
+        try:
+            if subprocess.run([*shell, "-c", "mount -t tmpfs none /tmp"], capture_output=True).returncode == 0:
+                return shell
+        except OSError:
+            pass
+    print("soak: full disks are left out: this process may not mount", flush=True)
+    return None
+
+
+def soak_one(seed):
+    case = Case(seed)
+    try:
+        case.kind(case)
+    except subprocess.TimeoutExpired as hang:
+        case.found.append(f"no end within {HANG} s: {hang.cmd[1]}")
+    except (BlockingIOError, subprocess.SubprocessError) as refused:
+        # The system did not even start it under these limits.
+        case.told.append(str(refused))
+    return case
+
+
+def main():
+    if not os.access(BINARY, os.X_OK):
+        sys.exit(f"soak: {BINARY} is missing: make soak builds it")
+    # A finding is that a process aborts, not what it held.
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if len(sys.argv) > 1:
+        case = soak_one(int(sys.argv[1]))
+        print(*case.told, *case.found, f"{case.kind.__name__}: {len(case.found)} findings", sep="\n")
+        sys.exit(1 if case.found else 0)
+
+    seconds, first = float(os.environ.get("SOAK_SECONDS", 3600)), int(os.environ.get("SOAK_SEED", 1))
+    began, told, cases, found, seed = time.monotonic(), 60, collections.Counter(), 0, first
+    try:
+        while (passed := time.monotonic() - began) < seconds:
+            if passed > told:
+                print(f"soak: {passed:.0f} s, {cases.total()} cases, {found} findings", flush=True)
+                told = passed + 60
+            case = soak_one(seed)
+            cases[case.kind.__name__] += 1
+            for finding in dict.fromkeys(case.found):
+                found += 1
+                print(f"soak: FOUND {case.kind.__name__}: {finding}; scripts/soak.py {seed}", flush=True)
+            if not case.found:
+                shutil.rmtree(case.folder)
+            seed += 1
+    except KeyboardInterrupt:
+        pass
+    kinds = ", ".join(f"{count} {name}" for name, count in sorted(cases.items()))
+    print(f"soak: {time.monotonic() - began:.0f} s, seeds {first} to {seed - 1} ({kinds}): {found} findings")
+    sys.exit(1 if found else 0)
+
+
+MOUNTING = mounting()
+KINDS = [kind for kind in (signals, inputs, limits, disk, writers) if MOUNTING or kind is not disk]
+
+if __name__ == "__main__":
+    main()
