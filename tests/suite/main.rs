@@ -15,6 +15,7 @@ mod determinism;
 mod documents;
 mod environments;
 mod estimate;
+mod excuses;
 mod faults;
 mod film;
 mod hard;
