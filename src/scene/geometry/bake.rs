@@ -277,7 +277,7 @@ mod tests {
     /// Two glasses of wine: sheets of 1152 triangles, placed twice, that are too large to be baked for being repeated.
     fn glasses(gap_m: f32) -> Geometry {
         let mut b = SceneBuilder::new();
-        let solid = |ior| Material { transmission: 1.0, thickness: 1.0, ior, ..Material::default() };
+        let solid = |ior| Material { metallic: 0.0, transmission: 1.0, thickness: 1.0, ior, ..Material::default() };
         let materials = [b.material(solid(1.5)), b.material(solid(1.33))];
         let corner = |i: u32| Vec3::new((i % 25) as f32, 0.0, (i / 25) as f32) * 0.04;
         let cells = || (0..24 * 24).map(|i| i / 24 * 25 + i % 24);
