@@ -12,7 +12,7 @@ use super::wave::{Paths, Wave};
 use super::world::World;
 use crate::backend::batch::{Hit, INVALID_ID, LANES, RayHitBlock};
 use crate::math::lanes::lanes_of;
-use crate::scene::geometry::{NO_SOLID, corners};
+use crate::scene::geometry::{NO_SOLID, Partners, corners};
 use crate::shading::medium::Boundary;
 
 /// Least weight of a corner, at which a point still counts as inside: twice what f32 weights are rounded by.
@@ -52,13 +52,26 @@ impl Face {
 pub fn settle(world: &World, hit: Hit, dir: Vec3, is_passed: impl Fn(&Hit) -> bool) -> Met {
     let geometry = world.geometry;
     let record = geometry.meshes[hit.geom as usize].first_triangle + hit.prim;
-    let partners = geometry.coincident.of(record);
-    if partners.is_empty() { Met { hit, touching: None } } else { choose(world, hit, dir, partners, &is_passed) }
+    let alone = || {
+        let front = || Vec3::from(geometry.triangles[record as usize].n_g).dot(dir) < 0.0;
+        !touches(world) && hit.inst == INVALID_ID && !geometry.coincident.is_contested(record) && front()
+    };
+    if !geometry.coincident.has(record) || alone() {
+        return Met { hit, touching: None };
+    }
+    choose(world, hit, dir, geometry.coincident.of(record), &is_passed)
+}
+
+/// Whether it matters which boundaries are crossed along.
+#[inline(always)]
+fn touches(world: &World) -> bool {
+    let features = &world.features;
+    features.media | features.alpha | features.boundaries
 }
 
 #[cold]
 #[inline(never)]
-fn choose(world: &World, hit: Hit, dir: Vec3, partners: &[u32], is_passed: &dyn Fn(&Hit) -> bool) -> Met {
+fn choose(world: &World, hit: Hit, dir: Vec3, partners: Partners, is_passed: &dyn Fn(&Hit) -> bool) -> Met {
     let geometry = world.geometry;
     let first = geometry.meshes[hit.geom as usize].first_triangle;
     // To the space of the mesh, where the triangles are.
@@ -78,16 +91,16 @@ fn choose(world: &World, hit: Hit, dir: Vec3, partners: &[u32], is_passed: &dyn 
     };
     // A floor has many partners, few of them here: where one lies is asked last.
     let own = Face::new(world, hit, dir);
-    let met = partners.iter().fold(own, |met, &record| {
+    let rivals = if own.fronts { partners.before } else { partners.behind };
+    let met = rivals.iter().fold(own, |met, &record| {
         let face = at(record);
         if face.order() > met.order() { placed(face, record).unwrap_or(met) } else { met }
     });
-    let features = &world.features;
-    if !(features.media | features.alpha | features.boundaries) {
+    if !touches(world) {
         return Met { hit: met.hit, touching: None };
     }
     let solid = |face: &Face| face.solid != NO_SOLID && face.solid != met.solid;
-    let others = partners.iter().map(|&record| (at(record), record)).filter(|(face, _)| solid(face));
+    let others = partners.all.iter().map(|&record| (at(record), record)).filter(|(face, _)| solid(face));
     let others = others.filter_map(|(face, record)| placed(face, record)).chain([own].into_iter().filter(solid));
     let touching = others.max_by_key(Face::order);
     let touching = touching.map(|other| (other.hit, Boundary { solid: other.solid, entering: other.fronts }));

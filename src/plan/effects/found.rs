@@ -144,7 +144,7 @@ pub fn matched(asked: &Asked) -> Option<String> {
 pub fn coincident(asked: &Asked) -> Option<String> {
     let geometry = asked.geometry;
     let &record = geometry.coincident.records().first()?;
-    let partner = *geometry.coincident.of(record).first()?;
+    let partner = *geometry.coincident.of(record).all.first()?;
     let [a, b] = [record, partner].map(|record| {
         let material = geometry.triangles[record as usize].material;
         one_line(&asked.scene.materials[material as usize].name)

@@ -210,7 +210,7 @@ fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
     };
     let (mut all_known, mut left) = (!found.crowded(), BAKE_TRIANGLE_BUDGET);
     for &record in found.records() {
-        for &partner in found.of(record) {
+        for &partner in found.of(record).all {
             let [a, b] = [record, partner].map(|record| &geometry.triangles[record as usize]);
             let one_way = Vec3::from(a.n_g).dot(Vec3::from(b.n_g)) > 0.0;
             let owners = [record, partner].map(|record| owners[record as usize]);

@@ -12,10 +12,26 @@ pub struct Coincident {
     pub(super) records: Vec<u32>,
     /// Where the partners of each begin, and the end.
     pub(super) first: Vec<u32>,
-    /// Records of the same mesh, ascending.
+    /// Records of the same mesh: of each, those that face its way and may come before it, those that face the other way,
+    /// and those that face its way and come after it; each ascending.
     pub(super) partners: Vec<u32>,
+    /// Where the first and the second of these groups end.
+    pub(super) ends: Vec<[u32; 2]>,
+    /// A bit for each record with a partner in the first group.
+    pub(super) contested: Vec<u64>,
     /// Whether some were not looked at.
     pub(super) crowded: bool,
+}
+
+/// The triangles on one, by what a ray that meets it in front, or from behind, may meet in its place.
+#[derive(Clone, Copy, Debug)]
+pub struct Partners<'a> {
+    /// All.
+    pub all: &'a [u32],
+    /// In front: those that face the same way and may come before it.
+    pub before: &'a [u32],
+    /// From behind: these and those that face the other way.
+    pub behind: &'a [u32],
 }
 
 impl Coincident {
@@ -38,20 +54,28 @@ impl Coincident {
     /// Whether the triangle of record `record` lies on others.
     #[inline(always)]
     pub fn has(&self, record: u32) -> bool {
-        self.flags.get(record as usize / 64).is_some_and(|bits| bits >> (record % 64) & 1 == 1)
+        bit(&self.flags, record)
     }
 
-    /// The triangles on the one of record `record`, ascending.
+    /// Whether one of those that face its way may come before it.
     #[inline(always)]
-    pub fn of(&self, record: u32) -> &[u32] {
-        if self.has(record) { self.partners_of(record) } else { &[] }
+    pub fn is_contested(&self, record: u32) -> bool {
+        bit(&self.contested, record)
     }
 
+    /// The triangles on the one of record `record`.
     #[cold]
-    fn partners_of(&self, record: u32) -> &[u32] {
-        match self.records.binary_search(&record) {
-            Ok(at) => &self.partners[self.first[at] as usize..self.first[at + 1] as usize],
-            Err(_) => &[],
-        }
+    pub fn of(&self, record: u32) -> Partners<'_> {
+        let Ok(at) = self.records.binary_search(&record) else {
+            return Partners { all: &[], before: &[], behind: &[] };
+        };
+        let ([start, end], [first, second]) = ([self.first[at], self.first[at + 1]], self.ends[at]);
+        let of = |end: u32| &self.partners[start as usize..end as usize];
+        Partners { all: of(end), before: of(first), behind: of(second) }
     }
+}
+
+#[inline(always)]
+fn bit(bits: &[u64], record: u32) -> bool {
+    bits.get(record as usize / 64).is_some_and(|bits| bits >> (record % 64) & 1 == 1)
 }

@@ -16,7 +16,7 @@ mod solids;
 
 pub(crate) use bake::copied_lamps;
 pub use bake::{BAKE_MESH_TRIANGLES, BAKE_TRIANGLE_BUDGET};
-pub use coincident::Coincident;
+pub use coincident::{Coincident, Partners};
 pub(crate) use overlaps::corners;
 pub use placement::{Moving, NO_MATERIAL, Placement};
 pub use records::{Geometry, NO_ATTRIBUTES, Triangle, TriangleMesh};

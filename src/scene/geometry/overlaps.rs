@@ -17,6 +17,7 @@ use rayon::prelude::*;
 
 use super::coincident::Coincident;
 use super::records::{Geometry, Triangle, TriangleMesh};
+use super::solids::NO_SOLID;
 use crate::scene::{Fact, Facts, Material};
 
 /// Most partners that are kept of one triangle.
@@ -85,13 +86,28 @@ pub(super) fn find(geometry: &Geometry, materials: &[Material]) -> Coincident {
         return found;
     }
     found.flags = vec![0; geometry.triangles.len().div_ceil(64)];
-    for [record, partner] in pairs {
-        if found.records.last() != Some(&record) {
-            found.records.push(record);
-            found.first.push(found.partners.len() as u32);
-            found.flags[record as usize / 64] |= 1 << (record % 64);
-        }
-        found.partners.push(partner);
+    found.contested = found.flags.clone();
+    let normal = |record: u32| Vec3::from(geometry.triangles[record as usize].n_g);
+    let bounds_solid = |record: u32| geometry.solids.bodies.get(record as usize).is_some_and(|&body| body != NO_SOLID);
+    for of_one in pairs.chunk_by(|a, b| a[0] == b[0]) {
+        let record = of_one[0][0];
+        // Ranks of solids depend on the placement, the order of triangles does not.
+        let group = |partner: u32| match normal(record).dot(normal(partner)) > 0.0 {
+            false => 1,
+            true if partner > record && !bounds_solid(record) && !bounds_solid(partner) => 2,
+            true => 0,
+        };
+        let mut groups: [Vec<u32>; 3] = Default::default();
+        of_one.iter().for_each(|&[_, partner]| groups[group(partner)].push(partner));
+        found.records.push(record);
+        found.first.push(found.partners.len() as u32);
+        found.flags[record as usize / 64] |= 1 << (record % 64);
+        found.contested[record as usize / 64] |= u64::from(!groups[0].is_empty()) << (record % 64);
+        let ends = groups.map(|group| {
+            found.partners.extend(group);
+            found.partners.len() as u32
+        });
+        found.ends.push([ends[0], ends[1]]);
     }
     found.first.push(found.partners.len() as u32);
     found
