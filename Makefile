@@ -93,7 +93,8 @@ fuzz: setup-fuzz
 # Not in CI: what it finds depends on the moment. scripts/soak.py says what is done and what has to hold.
 soak: setup
 	cargo build --release
-	scripts/soak.py
+	PATHSPACE="$${PATHSPACE:-$$(cargo metadata --format-version 1 --no-deps | \
+		sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/release/pathspace}" scripts/soak.py
 
 test-nolib: setup-nolib
 	cargo test $(NOLIB) $(TESTS)

@@ -401,9 +401,20 @@ pub fn load_from(
 
 /// Lights a loaded scene by the studio, where that is asked for or falls back on.
 pub fn light(scene: &mut Scene, environment: &EnvironmentArgs, fallback: Fallback) {
-    let (rotation_rad, intensity) = (environment.env_rotation.to_radians(), environment.env_intensity);
-    let studio = environment.env.as_deref() == Some(Path::new(STUDIO));
-    if studio || (fallback == Fallback::Studio && !scene.has_light()) {
+    let wanted = wants_studio(scene, environment, fallback);
+    light_as(scene, environment, wanted);
+}
+
+/// Whether the studio is asked for or fallen back on.
+pub fn wants_studio(scene: &Scene, environment: &EnvironmentArgs, fallback: Fallback) -> bool {
+    let asked = environment.env.as_deref() == Some(Path::new(STUDIO));
+    asked || (fallback == Fallback::Studio && !scene.has_light())
+}
+
+/// Lights a loaded scene by the studio, if it is `wanted`.
+pub fn light_as(scene: &mut Scene, environment: &EnvironmentArgs, wanted: bool) {
+    if wanted {
+        let (rotation_rad, intensity) = (environment.env_rotation.to_radians(), environment.env_intensity);
         scene.environment = Some(Environment { rotation_rad, intensity, ..Environment::studio() });
     }
 }

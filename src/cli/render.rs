@@ -292,7 +292,7 @@ fn keep(path: &Path, verbosity: Verbosity, write: impl Fn(&Path) -> Result<()>) 
     let elsewhere = std::env::temp_dir().join(format!("pathspace-{}-{name}", std::process::id()));
     match (error, write(&elsewhere)) {
         (Error::Io { path, action, source }, Ok(())) => {
-            let problem = format!("{source}; the picture was written to {} instead", elsewhere.display());
+            let problem = format!("{source}; it was written to {} instead", elsewhere.display());
             Err(Error::Io { path, action, source: std::io::Error::new(source.kind(), problem) })
         }
         (error, _) => Err(error),

@@ -85,7 +85,10 @@ impl<'s> Sequence<'s> {
         self.frames.iter().try_for_each(|&frame| self.load_options(frame).map(drop))?;
         // Where a camera is placed to see all does not depend on which frames are rendered, here or elsewhere.
         let mut scene = Scene::load_with(&path, &self.load_options(self.args.sequence.frame_start)?)?;
-        self.prepare(&mut scene)?;
+        // Decided once: lamps that move would switch it on and off.
+        let environment = &self.args.settings.environment;
+        let studio = job::wants_studio(&scene, environment, Fallback::of(self.args));
+        self.prepare(&mut scene, studio)?;
         self.spare(&scene)?;
         self.verbosity.warnings(&scene.warnings);
         let files = self.digest(&scene)?;
@@ -94,7 +97,7 @@ impl<'s> Sequence<'s> {
         if !moves || self.args.sequence.turntable.is_some() {
             self.still(&mut scene, files, start, &mut progress)?;
         } else {
-            self.moving((&path, scene), files, start, &mut progress)?;
+            self.moving((&path, scene, studio), files, start, &mut progress)?;
         }
         Ok(progress.exit)
     }
@@ -146,7 +149,7 @@ impl<'s> Sequence<'s> {
     /// A scene that is another one in each frame; `scene` is that at the start of the animations.
     fn moving(
         &self,
-        (path, mut scene): (&Path, Scene),
+        (path, mut scene, studio): (&Path, Scene, bool),
         files: u64,
         start: Instant,
         progress: &mut Progress,
@@ -164,7 +167,7 @@ impl<'s> Sequence<'s> {
             if !self.is_there(&outputs, &key) {
                 if at != frame {
                     scene = Scene::load_again(path, &self.load_options(frame)?, &scene)?;
-                    self.prepare(&mut scene)?;
+                    self.prepare(&mut scene, studio)?;
                     self.keep_placed(&mut scene, placed.as_ref());
                     at = frame;
                 }
@@ -179,10 +182,10 @@ impl<'s> Sequence<'s> {
         Ok(())
     }
 
-    /// Lights a loaded scene and puts its camera where the settings say.
-    fn prepare(&self, scene: &mut Scene) -> Result<()> {
+    /// Lights a loaded scene, by the studio or as it is, and puts its camera where the settings say.
+    fn prepare(&self, scene: &mut Scene, studio: bool) -> Result<()> {
         let settings = &self.args.settings;
-        job::light(scene, &settings.environment, Fallback::of(self.args));
+        job::light_as(scene, &settings.environment, studio);
         job::look_from(settings, scene)
     }
 

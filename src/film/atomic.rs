@@ -212,7 +212,9 @@ pub fn sweep(path: &Path) {
     let (Some(name), Ok(entries)) = (path.file_name(), fs::read_dir(folder_of(path))) else { return };
     let is_file = |entry: &fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_file());
     for entry in entries.flatten().filter(|entry| is_on_the_way(&entry.file_name(), name) && is_file(entry)) {
-        let Ok(file) = File::options().write(true).open(entry.path()) else { continue };
+        // (Locks of network file systems may ask for writing, files on their way to read-only ones forbid it.)
+        let opened = File::options().write(true).open(entry.path()).or_else(|_| File::open(entry.path()));
+        let Ok(file) = opened else { continue };
         if file.try_lock().is_ok() {
             let _ = fs::remove_file(entry.path());
         }

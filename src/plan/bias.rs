@@ -85,7 +85,12 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     ledger.extend(unfound(asked, features).map(Bias::unmeasured));
     if asked.geometry.coincident.crowded() {
         ledger.push(Bias::unmeasured(
-            "coincident faces: where they are crowded not all are known; which of them is met is open",
+            "coincident faces: in crowded planes not all are known; which of them is met is open",
+        ));
+    }
+    if asked.geometry.coincident.unsearched() {
+        ledger.push(Bias::unmeasured(
+            "coincident faces: those between instanced placements were not all looked for; which of them is met is open",
         ));
     }
     if features.media {

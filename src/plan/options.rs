@@ -265,7 +265,8 @@ pub struct RenderOptions {
     pub isa: Option<String>,
     /// Robust traversal. Off only as a measured choice: Embree then loses rays between triangles.
     pub robust: bool,
-    /// Whether one film per path length is kept; [`Aov::BOUNCES`] asks for it too.
+    /// Whether one film per path length is kept; [`Aov::BOUNCES`] asks for it too, and
+    /// layers by path length for their share of it.
     pub per_length: bool,
     /// Layers besides the beauty.
     pub aovs: Vec<Aov>,

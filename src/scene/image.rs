@@ -67,17 +67,19 @@ impl Scene {
     /// Lights a scene that states no light by a constant white environment of radiance 1, and warns of it; warns as
     /// well if all its lights are dimmed to 0.
     pub fn ensure_light(&mut self) {
+        if self.environment.is_some() || self.punctual.iter().any(|light| light.intensity != Vec3::ZERO) {
+            return;
+        }
         let emission = self.emission();
-        let what = if self.has_light() {
-            let dimmed = self.punctual.iter().all(|light| light.intensity == Vec3::ZERO);
-            if self.environment.is_some() || emission != Emission::None || !dimmed {
+        let what = if !self.punctual.is_empty() || emission == Emission::Lights {
+            if emission != Emission::None {
                 return;
             }
             "every light is dimmed to 0: nothing is lit".to_owned()
         } else {
             self.environment = Some(Environment::constant(Vec3::ONE));
             match emission {
-                Emission::Negligible => format!("emissive textures send next to nothing: {LIT}"),
+                Emission::Negligible => format!("emissive textures light next to nothing: {LIT}"),
                 _ => format!("no light of any kind: {LIT}"),
             }
         };

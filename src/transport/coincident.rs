@@ -18,6 +18,10 @@ use crate::shading::medium::Boundary;
 /// Least weight of a corner, at which a point still counts as inside: twice what f32 weights are rounded by.
 const INSIDE: f64 = -2.4e-7;
 
+/// Cosine up to which normals of one plane may disagree about the side that a ray comes from: more than √3/256, by which
+/// those of partners differ at most.
+const GRAZING: f32 = 1.0 / 128.0;
+
 /// What a ray meets at one place.
 #[derive(Clone, Copy, Debug)]
 pub struct Met {
@@ -53,7 +57,7 @@ pub fn settle(world: &World, hit: Hit, dir: Vec3, is_passed: impl Fn(&Hit) -> bo
     let geometry = world.geometry;
     let record = geometry.meshes[hit.geom as usize].first_triangle + hit.prim;
     let alone = || {
-        let front = || Vec3::from(geometry.triangles[record as usize].n_g).dot(dir) < 0.0;
+        let front = || Vec3::from(geometry.triangles[record as usize].n_g).dot(dir) < -GRAZING * dir.length();
         !touches(world) && hit.inst == INVALID_ID && !geometry.coincident.is_contested(record) && front()
     };
     if !geometry.coincident.has(record) || alone() {
@@ -91,7 +95,13 @@ fn choose(world: &World, hit: Hit, dir: Vec3, partners: Partners, is_passed: &dy
     };
     // A floor has many partners, few of them here: where one lies is asked last.
     let own = Face::new(world, hit, dir);
-    let rivals = if own.fronts { partners.before } else { partners.behind };
+    // Where it is certain that partners face the ray as their group does.
+    let cos = Vec3::from(geometry.triangle(hit.geom, hit.prim).n_g).as_dvec3().dot(dir);
+    let rivals = match cos.abs() < f64::from(GRAZING) * dir.length() {
+        true => partners.all,
+        false if own.fronts => partners.before,
+        false => partners.behind,
+    };
     let met = rivals.iter().fold(own, |met, &record| {
         let face = at(record);
         if face.order() > met.order() { placed(face, record).unwrap_or(met) } else { met }

@@ -281,7 +281,8 @@ fn stacks_are_what_winding_numbers_say() {
 /// infinite one: a ray that believes to be in a solid when it leaves the scene is black, all others bring 1 (n² where
 /// the eye is in a medium of index n). Straight through boundaries between equal indices, then refracted, from outside
 /// and from within the innermost. And a core that is black at once, so that a boundary which was not entered shows as
-/// well. Nothing random is judged: 0 rays may be wrong. 2·10⁵ rays; `PATHSPACE_MEDIA_RAYS=1e8 cargo test --release rays_know -- --nocapture` takes that many.
+/// well. Nothing random is judged: 0 rays may be wrong. By obvhs: Embree loses one ray in 10⁷ here, at a vertex. 2·10⁵
+/// rays; `PATHSPACE_MEDIA_RAYS=1e8 cargo test --release rays_know -- --nocapture` takes that many.
 #[test]
 fn rays_know_their_media() {
     let asked = std::env::var("PATHSPACE_MEDIA_RAYS").ok().and_then(|rays| rays.parse::<f64>().ok());
@@ -308,7 +309,7 @@ fn rays_know_their_media() {
             let scene = b.build();
             for seed in 0..seeds {
                 let options = options(side, side, u64::from(spp)).seed(seed).strategy(Strategy::BSDF);
-                let options = options.max_depth(1000).roulette(Roulette::Off);
+                let options = options.max_depth(1000).roulette(Roulette::Off).backend(BackendKind::Obvhs);
                 let render = render(&scene, options);
                 for (i, pixel) in render.film.pixels.iter().enumerate() {
                     let mean = pixel.mean();

@@ -270,7 +270,10 @@ fn commands(render: &Render, shown: &Shown, page: &mut Page) {
     let spp = render.film.spp();
     if spp.min == spp.max {
         given.retain(|(option, _)| !LIMITS.contains(&option.as_str()));
-        given.push(("spp".into(), vec!["--spp".into(), spp.min.to_string()]));
+        given.push(match render.film.first_sample {
+            0 => ("spp".into(), vec!["--spp".into(), spp.min.to_string()]),
+            first => ("sample_range".into(), vec!["--sample-range".into(), format!("{first}..{}", first + spp.min)]),
+        });
         page.paragraph("The same samples on any clock:");
         page.code(&format!("pathspace render{}", words::line(&given)));
     } else {

@@ -81,7 +81,7 @@ impl Geometry {
         }
         geometry.solids = bodies::find(&geometry, &scene.materials);
         geometry.coincident = overlaps::find(&geometry, &scene.materials);
-        geometry.coincident.crowded |= !all_known;
+        geometry.coincident.unsearched = !all_known;
         let world_vertices = &geometry.meshes[0].vertices;
         for index in geometry.meshes[0].indices.iter().flatten() {
             let p = world_vertices[*index as usize];
@@ -192,11 +192,19 @@ fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
     // What lies near others, placed, and whose it is.
     let (mut near, mut owners, mut looks) = (MeshRecords::default(), Vec::new(), MOST_CONTACT_LOOKS);
     let mut geometry = Geometry::default();
-    for (i, region) in reached.into_iter().enumerate() {
-        let Some(region) = region else { continue };
+    let triangles = |i: usize| scene.meshes[scene.instances[i].mesh.index()].triangles.len();
+    let mut order: Vec<(usize, Bounds)> =
+        reached.into_iter().enumerate().filter_map(|(i, region)| Some((i, region?))).collect();
+    order.sort_by_key(|&(i, _)| (triangles(i), i));
+    let mut all_seen = true;
+    for (i, region) in order {
         let (instance, id) = (&scene.instances[i], scene.material_of(&scene.instances[i]));
         let mesh = &scene.meshes[instance.mesh.index()];
-        let Some(rest) = looks.checked_sub(mesh.triangles.len()) else { return false };
+        // Largest last: of a forest on a terrain, the trees.
+        let Some(rest) = looks.checked_sub(mesh.triangles.len()) else {
+            all_seen = false;
+            break;
+        };
         looks = rest;
         let part = contacts::part_within(mesh, &instance.world_from_object, region);
         geometry.bake(&mut near, (&part, id), Attributes::None, &instance.world_from_object);
@@ -208,7 +216,7 @@ fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
         let facts = Facts::of(&scene.materials[triangle.material as usize]);
         facts.transmits() || facts.has(Fact::Uncovered)
     };
-    let (mut all_known, mut left) = (!found.crowded(), BAKE_TRIANGLE_BUDGET);
+    let (mut all_known, mut left) = (all_seen && !found.crowded(), BAKE_TRIANGLE_BUDGET);
     for &record in found.records() {
         for &partner in found.of(record).all {
             let [a, b] = [record, partner].map(|record| &geometry.triangles[record as usize]);
@@ -221,10 +229,11 @@ fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
                 if baked[of] {
                     continue;
                 }
-                let cost = scene.meshes[scene.instances[of].mesh.index()].triangles.len() as u64;
-                baked[of] = cost <= left;
-                all_known &= baked[of];
-                left = left.saturating_sub(cost);
+                let cost = triangles(of) as u64;
+                match left.checked_sub(cost) {
+                    Some(rest) => (left, baked[of]) = (rest, true),
+                    None => all_known = false,
+                }
             }
         }
     }

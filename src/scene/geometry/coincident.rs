@@ -21,6 +21,8 @@ pub struct Coincident {
     pub(super) contested: Vec<u64>,
     /// Whether some were not looked at.
     pub(super) crowded: bool,
+    /// Whether those between instanced placements were not all looked for.
+    pub(super) unsearched: bool,
 }
 
 /// The triangles on one, by what a ray that meets it in front, or from behind, may meet in its place.
@@ -41,7 +43,12 @@ impl Coincident {
         self.records.is_empty()
     }
 
-    /// Whether planes or placements were so crowded that some may have been missed.
+    /// Whether there may be some between instanced placements, which were too many to be looked at.
+    pub fn unsearched(&self) -> bool {
+        self.unsearched
+    }
+
+    /// Whether planes were so crowded that some may have been missed.
     pub fn crowded(&self) -> bool {
         self.crowded
     }

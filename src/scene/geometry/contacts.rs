@@ -11,7 +11,7 @@ pub(super) type Bounds = (Vec3, Vec3);
 const MOST_LOOKS: usize = 64;
 const LEAST_LOOKS: usize = 1 << 20;
 
-/// Boxes are larger by this share of their coordinates: placing rounds them.
+/// Boxes are larger by this share of what their coordinates are sums of: placing rounds them.
 const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 /// A box that holds `bounds` once placed.
@@ -22,7 +22,10 @@ pub(super) fn placed((low, high): Bounds, world_from_object: &Affine3A) -> Bound
         let p = world_from_object.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
         all = (all.0.min(p), all.1.max(p));
     }
-    let slack = all.0.abs().max(all.1.abs()) * SLACK;
+    // Of the terms of the sums, which may cancel.
+    let (m, reach) = (world_from_object.matrix3, low.abs().max(high.abs()));
+    let terms = m.x_axis.abs() * reach.x + m.y_axis.abs() * reach.y + m.z_axis.abs() * reach.z;
+    let slack = Vec3::from(terms + world_from_object.translation.abs()) * SLACK;
     (all.0 - slack, all.1 + slack)
 }
 

@@ -173,7 +173,8 @@ impl Scene {
         scene.warnings = document.take_warnings();
         scene.inputs = earlier.map_or_else(|| document.inputs(), |earlier| earlier.inputs.clone());
         scene.validate()?;
-        if let (Some(earlier), true) = (earlier, options.environment.is_some()) {
+        // Whether a scene needs a light is decided once, not by how far its lamps have moved.
+        if let (Some(earlier), true) = (earlier, options.environment.is_some() || options.fallback_light) {
             scene.environment.clone_from(&earlier.environment);
             return Ok(scene);
         }

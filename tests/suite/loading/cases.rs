@@ -269,7 +269,7 @@ fn the_white_environment_comes_where_a_file_states_no_light() {
     };
     let dotted = json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}});
     let scene = emissive(dotted.clone());
-    assert!(white(&scene) && warns(&scene, "emissive textures send next to nothing"), "{:?}", scene.warnings);
+    assert!(white(&scene) && warns(&scene, "emissive textures light next to nothing"), "{:?}", scene.warnings);
     let mut strong = dotted;
     strong["extensions"] = json!({"KHR_materials_emissive_strength": {"emissiveStrength": 2}});
     assert!(!white(&emissive(strong)));
