@@ -80,7 +80,7 @@ fn attributes_and_channels_are_those_of_the_contract() {
 
     let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
     let bounces = (0..15).map(|k| format!("bounce_{k:02}")).chain(["bounce_tail".into()]);
-    let mut expected: Vec<String> = ["variance", "stderr", "albedo", "background"]
+    let mut expected: Vec<String> = ["variance", "stderr", "emission", "direct", "indirect", "albedo", "background"]
         .map(String::from)
         .into_iter()
         .chain(bounces)
