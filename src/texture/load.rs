@@ -106,15 +106,14 @@ pub fn load(requests: &[Request], budget: Budget, strict: bool) -> Vec<Result<Lo
             Ok(_) => None,
         })
         .collect();
-    // The allocator may keep what the largest image took while it was copied.
-    let left = budget.bytes.saturating_sub(held_bytes);
-    let largest = (0..requests.len()).filter(|&i| !held[i]).map(|i| sizes[i]).max().unwrap_or(0);
-    let cache_bytes = left.saturating_sub(largest).clamp(left / 4, left / 4 * 3);
     let mut store = None;
     let all = decoded.into_iter().enumerate();
     all.map(|(i, image)| match image {
         Some(image) => image,
-        None => store.get_or_insert_with(|| Store::new(cache_bytes, budget, strict)).add(requests[i], sizes[i]),
+        None => {
+            let cache_bytes = budget.bytes.saturating_sub(held_bytes) / 4 * 3;
+            store.get_or_insert_with(|| Store::new(cache_bytes, budget, strict)).add(requests[i], sizes[i])
+        }
     })
     .collect()
 }
