@@ -90,7 +90,7 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     }
     if asked.geometry.coincident.unsearched() {
         ledger.push(Bias::unmeasured(
-            "coincident faces: those between instanced placements were not all looked for; which of them is met is open",
+            "coincident faces: those of instanced placements were not all looked for; which of them is met is open",
         ));
     }
     if features.media {

@@ -58,8 +58,8 @@ impl Scene {
 
     /// Whether the scene states its light: an environment, a punctual light, or an emissive surface that is placed.
     /// Emission by a texture of a strength up to 1 counts if what arrives at the scene's surfaces, were nothing in
-    /// between, is at least a hundredth of what a white environment of radiance 1 would bring: a lit button is no light,
-    /// nor is a label that shines past its object.
+    /// between, is at least a hundredth of what a white environment of radiance 1 would bring: a lit button is no
+    /// light, nor is a label that shines past its object.
     pub fn has_light(&self) -> bool {
         self.environment.is_some() || !self.punctual.is_empty() || self.emission() == Emission::Lights
     }

@@ -18,8 +18,8 @@ use crate::shading::medium::Boundary;
 /// Least weight of a corner, at which a point still counts as inside: twice what f32 weights are rounded by.
 const INSIDE: f64 = -2.4e-7;
 
-/// Cosine up to which normals of one plane may disagree about the side that a ray comes from: more than √3/256, by which
-/// those of partners differ at most.
+/// Cosine up to which normals of one plane may disagree about the side that a ray comes from: more than √3/256, by
+/// which those of partners differ at most.
 const GRAZING: f32 = 1.0 / 128.0;
 
 /// What a ray meets at one place.

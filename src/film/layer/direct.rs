@@ -1,5 +1,5 @@
-//! `direct.R/G/B`: radiance of paths of two edges: light that was scattered once, by whatever lobe, a mirror's too. With
-//! `emission` and `indirect` the beauty.
+//! `direct.R/G/B`: radiance of paths of two edges: light that was scattered once, by whatever lobe, a mirror's too.
+//! With `emission` and `indirect` the beauty.
 
 use super::kind::{Layer, Values, rgb};
 use crate::plan::aov::{Aov, Gathers};

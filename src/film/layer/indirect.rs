@@ -1,5 +1,5 @@
-//! `indirect.R/G/B`: radiance of paths of three edges and more: light that was scattered at least twice. With `emission`
-//! and `direct` the beauty.
+//! `indirect.R/G/B`: radiance of paths of three edges and more: light that was scattered at least twice. With
+//! `emission` and `direct` the beauty.
 
 use super::kind::{Layer, Values, rgb};
 use crate::plan::aov::{Aov, Gathers};

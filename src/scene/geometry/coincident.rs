@@ -12,8 +12,8 @@ pub struct Coincident {
     pub(super) records: Vec<u32>,
     /// Where the partners of each begin, and the end.
     pub(super) first: Vec<u32>,
-    /// Records of the same mesh: of each, those that face its way and may come before it, those that face the other way,
-    /// and those that face its way and come after it; each ascending.
+    /// Records of the same mesh: of each, those that face its way and may come before it, those that face the other
+    /// way, and those that face its way and come after it; each ascending.
     pub(super) partners: Vec<u32>,
     /// Where the first and the second of these groups end.
     pub(super) ends: Vec<[u32; 2]>,

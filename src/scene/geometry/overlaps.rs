@@ -7,7 +7,7 @@
 //!
 //! Limits: within one mesh of the flattened geometry (placements at rest whose faces lie on those of others are baked
 //! into the world's, see `bake`; what moves is not looked at); beyond [`MOST_PARTNERS`] for one triangle, and beyond
-//! [`MOST_PAIRS`] looks for each triangle of a crowded plane, the rest is not found, which [`Coincident::crowded`] says.
+//! [`MOST_PAIRS`] looks for each triangle of a crowded plane, the rest is not found: see [`Coincident::crowded`].
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
