@@ -16,7 +16,11 @@ use pathspace::texture::load::{Budget, LEAST_BYTES, Request, load};
 /// Bytes of texels that are worth decoding: the rest of the time is better spent on other bytes.
 const MOST_BYTES: u64 = 32 << 20;
 
+/// Budget that a machine would have for them; memory that grows by more than twice this is a finding.
+const BUDGET_BYTES: u64 = 2 * MOST_BYTES;
+
 fuzz_target!(|bytes: &[u8]| {
+    let before = Resident::begin();
     for decoder in [Decoder::Crates, Decoder::Default] {
         let encoded = Encoded::Bytes(bytes);
         match inspect(encoded, decoder) {
@@ -45,7 +49,32 @@ fuzz_target!(|bytes: &[u8]| {
             loaded.map_or_else(one_line, |_| ());
         }
     }
+    if let Some(grown) = before.and_then(Resident::grown) {
+        assert!(grown <= 2 * BUDGET_BYTES, "{} MB for an image of {} bytes", grown >> 20, bytes.len());
+    }
 });
+
+/// Memory of the process, in bytes; `None` where the kernel does not tell.
+struct Resident(u64);
+
+impl Resident {
+    /// What it is now. The peak is counted anew from here.
+    fn begin() -> Option<Self> {
+        std::fs::write("/proc/self/clear_refs", "5").ok()?;
+        Self::line("VmRSS:").map(Resident)
+    }
+
+    /// How far it has risen above that since, at its peak.
+    fn grown(self) -> Option<u64> {
+        Some(Self::line("VmHWM:")?.saturating_sub(self.0))
+    }
+
+    fn line(name: &str) -> Option<u64> {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let kilobytes = status.lines().find_map(|line| line.strip_prefix(name))?.trim().strip_suffix(" kB")?;
+        Some(kilobytes.parse::<u64>().ok()? << 10)
+    }
+}
 
 /// An error is one line, and no fault of the machine.
 fn one_line(problem: Problem) {
