@@ -5,6 +5,7 @@ A room of 6 x 2.8 x 8 m with a window, textured furniture and 50 instances of de
 are metres, +Y up; textures are 512 x 512. Needs Python 3.9 and numpy. Every random number comes from numpy's legacy
 RandomState with a fixed seed, whose streams are frozen. env.exr beside the script is the sky outside the window.
 """
+
 import json
 import math
 import os
@@ -26,10 +27,18 @@ class Gltf:
         extras = {"render": {"width": width, "height": height}, "environment": {"uri": "env.exr", "intensity": 1.0}}
         self.width, self.height, self.binary, self.extensions = width, height, bytearray(), set()
         self.root = {
-            "asset": {"version": "2.0", "generator": "pathspace scenes/interior/generate.py"}, "scene": 0,
+            "asset": {"version": "2.0", "generator": "pathspace scenes/interior/generate.py"},
+            "scene": 0,
             "scenes": [{"name": name, "nodes": [], "extras": extras}],
-            "nodes": [], "meshes": [], "materials": [], "accessors": [], "bufferViews": [], "buffers": [], "cameras": [],
-            "images": [], "textures": [],
+            "nodes": [],
+            "meshes": [],
+            "materials": [],
+            "accessors": [],
+            "bufferViews": [],
+            "buffers": [],
+            "cameras": [],
+            "images": [],
+            "textures": [],
             "samplers": [{"magFilter": 9729, "minFilter": 9729, "wrapS": 10497, "wrapT": 10497}],
         }
         self.material_index = {}
@@ -41,7 +50,12 @@ class Gltf:
         self.root["bufferViews"].append(view)
         self.binary += data
         count = int(array.size if kind == "SCALAR" else array.shape[0])
-        accessor = {"bufferView": len(self.root["bufferViews"]) - 1, "componentType": component_type, "count": count, "type": kind}
+        accessor = {
+            "bufferView": len(self.root["bufferViews"]) - 1,
+            "componentType": component_type,
+            "count": count,
+            "type": kind,
+        }
         if bounds:
             accessor["min"] = [float(x) for x in array.min(0)]
             accessor["max"] = [float(x) for x in array.max(0)]
@@ -57,7 +71,11 @@ class Gltf:
         return {"index": len(self.root["textures"]) - 1}
 
     def material(self, name, base=(1, 1, 1), metallic=0.0, roughness=1.0, lambert=True, textures=()):
-        pbr = {"baseColorFactor": [float(x) for x in base] + [1.0], "metallicFactor": float(metallic), "roughnessFactor": float(roughness)}
+        pbr = {
+            "baseColorFactor": [float(x) for x in base] + [1.0],
+            "metallicFactor": float(metallic),
+            "roughnessFactor": float(roughness),
+        }
         material = {"name": name, "pbrMetallicRoughness": pbr, "doubleSided": True}
         if "base" in textures:
             pbr["baseColorTexture"] = self.texture(f"textures/{name}_base.png")
@@ -76,11 +94,19 @@ class Gltf:
             return self.accessor(np.ascontiguousarray(array, np.float32), 5126, kind, 34962, bounds)
 
         attributes = {"POSITION": floats(positions, "VEC3", True)}
-        for semantic, array, kind in (("NORMAL", normals, "VEC3"), ("TANGENT", tangents, "VEC4"), ("TEXCOORD_0", uvs, "VEC2")):
+        for semantic, array, kind in (
+            ("NORMAL", normals, "VEC3"),
+            ("TANGENT", tangents, "VEC4"),
+            ("TEXCOORD_0", uvs, "VEC2"),
+        ):
             if array is not None:
                 attributes[semantic] = floats(array, kind)
         flat = np.ascontiguousarray(np.asarray(indices).reshape(-1), np.uint32)
-        primitive = {"attributes": attributes, "indices": self.accessor(flat, 5125, "SCALAR", 34963), "material": self.material_index[material]}
+        primitive = {
+            "attributes": attributes,
+            "indices": self.accessor(flat, 5125, "SCALAR", 34963),
+            "material": self.material_index[material],
+        }
         self.root["meshes"].append({"name": name, "primitives": [primitive]})
         return len(self.root["meshes"]) - 1
 
@@ -124,6 +150,7 @@ class Gltf:
 
 # ------------------------------------------------------------------------------------------------------------- shapes
 
+
 def quad_indices(number):
     return np.array([[0, 1, 2], [0, 2, 3]]) + 4 * number
 
@@ -131,16 +158,65 @@ def quad_indices(number):
 def box(low, high):
     """Six outward quads of an axis-aligned box, each counter-clockwise seen from outside."""
     (x0, y0, z0), (x1, y1, z1) = low, high
-    p = np.array([[x0, y0, z0], [x1, y0, z0], [x1, y1, z0], [x0, y1, z0], [x0, y0, z1], [x1, y0, z1], [x1, y1, z1], [x0, y1, z1]], float)
+    p = np.array(
+        [
+            [x0, y0, z0],
+            [x1, y0, z0],
+            [x1, y1, z0],
+            [x0, y1, z0],
+            [x0, y0, z1],
+            [x1, y0, z1],
+            [x1, y1, z1],
+            [x0, y1, z1],
+        ],
+        float,
+    )
     faces = [[4, 5, 6, 7], [1, 0, 3, 2], [5, 1, 2, 6], [0, 4, 7, 3], [7, 6, 2, 3], [0, 1, 5, 4]]
     return [[list(p[i]) for i in face] for face in faces]
 
 
 def icosphere(subdivisions):
-    t = (1 + 5 ** .5) / 2
-    v = np.array([[-1, t, 0], [1, t, 0], [-1, -t, 0], [1, -t, 0], [0, -1, t], [0, 1, t], [0, -1, -t], [0, 1, -t], [t, 0, -1], [t, 0, 1], [-t, 0, -1], [-t, 0, 1]])
-    f = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6], [7, 1, 8],
-                  [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]])
+    t = (1 + 5**0.5) / 2
+    v = np.array(
+        [
+            [-1, t, 0],
+            [1, t, 0],
+            [-1, -t, 0],
+            [1, -t, 0],
+            [0, -1, t],
+            [0, 1, t],
+            [0, -1, -t],
+            [0, 1, -t],
+            [t, 0, -1],
+            [t, 0, 1],
+            [-t, 0, -1],
+            [-t, 0, 1],
+        ]
+    )
+    f = np.array(
+        [
+            [0, 11, 5],
+            [0, 5, 1],
+            [0, 1, 7],
+            [0, 7, 10],
+            [0, 10, 11],
+            [1, 5, 9],
+            [5, 11, 4],
+            [11, 10, 2],
+            [10, 7, 6],
+            [7, 1, 8],
+            [3, 9, 4],
+            [3, 4, 2],
+            [3, 2, 6],
+            [3, 6, 8],
+            [3, 8, 9],
+            [4, 9, 5],
+            [2, 4, 11],
+            [6, 2, 10],
+            [8, 6, 7],
+            [9, 8, 1],
+        ]
+    )
     v = v / np.linalg.norm(v, axis=1, keepdims=True)
     for _ in range(subdivisions):
         edges = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), 1)
@@ -149,7 +225,7 @@ def icosphere(subdivisions):
         middle = v[unique[:, 0]] + v[unique[:, 1]]
         middle /= np.linalg.norm(middle, axis=1, keepdims=True)
         k = len(f)
-        a, b, c = (inverse[i * k:(i + 1) * k] + len(v) for i in range(3))
+        a, b, c = (inverse[i * k : (i + 1) * k] + len(v) for i in range(3))
         f = np.concatenate([np.stack(x, 1) for x in ((f[:, 0], a, c), (f[:, 1], b, a), (f[:, 2], c, b), (a, b, c))])
         v = np.concatenate([v, middle])
     return v, f
@@ -165,6 +241,7 @@ def vertex_normals(positions, faces):
 
 def torus_knot(p, q, nu, nv, tube=0.24, bump=0.03, ku=40, kv=6, major=1.0, minor=0.42):
     """A closed tube around the (p, q) torus knot with cosine bumps, wound outwards."""
+
     def centre(t):
         r = major + minor * np.cos(q * t)
         return np.stack([r * np.cos(p * t), minor * np.sin(q * t) * 1.0, r * np.sin(p * t)], 1)
@@ -182,7 +259,9 @@ def torus_knot(p, q, nu, nv, tube=0.24, bump=0.03, ku=40, kv=6, major=1.0, minor
     k00, k10 = i * nv + j, ((i + 1) % nu) * nv + j
     k11, k01 = ((i + 1) % nu) * nv + (j + 1) % nv, i * nv + (j + 1) % nv
     faces = np.concatenate([np.stack([k00, k10, k11], 1), np.stack([k00, k11, k01], 1)])
-    volume = np.einsum("ij,ij->i", positions[faces[:, 0]], np.cross(positions[faces[:, 1]], positions[faces[:, 2]])).sum()
+    volume = np.einsum(
+        "ij,ij->i", positions[faces[:, 0]], np.cross(positions[faces[:, 1]], positions[faces[:, 2]])
+    ).sum()
     if volume < 0:
         faces = faces[:, ::-1]
     return positions, faces, vertex_normals(positions, faces)
@@ -200,6 +279,7 @@ def bumpy_sphere(subdivisions, amplitude, frequency, seed):
 
 # ----------------------------------------------------------------------------------------------------------- textures
 
+
 def write_png(path, texels):
     """8-bit RGB; each row is stored as differences to the row above (PNG filter 2)."""
     height, width, _ = texels.shape
@@ -211,7 +291,12 @@ def write_png(path, texels):
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows.tobytes(), 9)) + chunk(b"IEND", b""))
+        file.write(
+            b"\x89PNG\r\n\x1a\n"
+            + chunk(b"IHDR", header)
+            + chunk(b"IDAT", zlib.compress(rows.tobytes(), 9))
+            + chunk(b"IEND", b"")
+        )
 
 
 def bytes_of(values):
@@ -220,7 +305,9 @@ def bytes_of(values):
 
 def srgb_bytes_of(linear):
     linear = np.clip(linear, 0, 1)
-    return np.round(255 * np.where(linear <= .0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - .055)).astype(np.uint8)
+    return np.round(255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)).astype(
+        np.uint8
+    )
 
 
 def noise(seed, exponent):
@@ -229,7 +316,7 @@ def noise(seed, exponent):
     white = np.random.RandomState(seed).normal(size=(n, n))
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(n), np.fft.fftfreq(n)))
     frequency[0, 0] = 1
-    field = np.real(np.fft.ifft2(np.fft.fft2(white) / frequency ** exponent))
+    field = np.real(np.fft.ifft2(np.fft.fft2(white) / frequency**exponent))
     field -= field.min()
     return field / field.max()
 
@@ -239,7 +326,7 @@ def normals_of(height, strength):
     dx = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) * strength
     dy = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) * strength
     n = np.stack([-dx, dy, np.ones_like(height)], -1)
-    return bytes_of(n / np.linalg.norm(n, axis=-1, keepdims=True) * .5 + .5)
+    return bytes_of(n / np.linalg.norm(n, axis=-1, keepdims=True) * 0.5 + 0.5)
 
 
 def metallic_roughness(roughness, metallic):
@@ -253,26 +340,34 @@ def textures(directory):
     # Wood: eight planks with fibres, gaps and metal nails.
     plank = np.floor(y * 8)
     white = np.fft.fft2(np.random.RandomState(2).normal(size=(n, n)))
-    fibre = np.real(np.fft.ifft2(white / (1e-3 + np.abs(np.fft.fftfreq(n))[:, None] ** .6 + 6 * np.abs(np.fft.fftfreq(n))[None] ** 1.0)))
+    fibre = np.real(
+        np.fft.ifft2(
+            white / (1e-3 + np.abs(np.fft.fftfreq(n))[:, None] ** 0.6 + 6 * np.abs(np.fft.fftfreq(n))[None] ** 1.0)
+        )
+    )
     fibre -= fibre.min()
     fibre /= fibre.max()
-    tone = np.random.RandomState(3).uniform(.55, 1.0, 8)[plank.astype(int)]
+    tone = np.random.RandomState(3).uniform(0.55, 1.0, 8)[plank.astype(int)]
     seam = np.minimum((y * 8) % 1, 1 - (y * 8) % 1)
-    base = np.stack([.42 * tone, .26 * tone, .14 * tone], -1) * (.6 + .6 * fibre[..., None])
-    base[seam < .03] *= .25
-    nail = ((((x * 4) % 1 - .5) / 4) ** 2 + (((y * 8) % 1 - .5) / 8) ** 2) < (.012) ** 2
+    base = np.stack([0.42 * tone, 0.26 * tone, 0.14 * tone], -1) * (0.6 + 0.6 * fibre[..., None])
+    base[seam < 0.03] *= 0.25
+    nail = ((((x * 4) % 1 - 0.5) / 4) ** 2 + (((y * 8) % 1 - 0.5) / 8) ** 2) < (0.012) ** 2
     images["wood_base"] = srgb_bytes_of(base)
-    images["wood_normal"] = normals_of(fibre * .6 + np.clip(seam / .06, 0, 1) * 1.2, 1.2)
-    images["wood_mr"] = metallic_roughness(np.where(nail, .35, .45 + .4 * fibre), nail)
+    images["wood_normal"] = normals_of(fibre * 0.6 + np.clip(seam / 0.06, 0, 1) * 1.2, 1.2)
+    images["wood_mr"] = metallic_roughness(np.where(nail, 0.35, 0.45 + 0.4 * fibre), nail)
     # Plaster.
     plaster = noise(5, 1.6)
-    images["plaster_base"] = srgb_bytes_of(np.stack([.72 + .1 * plaster, .70 + .1 * plaster, .64 + .1 * plaster], -1))
+    images["plaster_base"] = srgb_bytes_of(
+        np.stack([0.72 + 0.1 * plaster, 0.70 + 0.1 * plaster, 0.64 + 0.1 * plaster], -1)
+    )
     images["plaster_normal"] = normals_of(plaster, 14.0)
     # Painted metal, worn in patches.
-    worn = np.clip((noise(9, 1.7) - .5) / .06, 0, 1)
-    images["paint_base"] = srgb_bytes_of((1 - worn)[..., None] * np.array([.08, .32, .30]) + worn[..., None] * np.array([.82, .78, .72]))
-    images["paint_mr"] = metallic_roughness(.35 + .35 * noise(10, 1.2), worn)
-    images["paint_normal"] = normals_of(worn, .5)
+    worn = np.clip((noise(9, 1.7) - 0.5) / 0.06, 0, 1)
+    images["paint_base"] = srgb_bytes_of(
+        (1 - worn)[..., None] * np.array([0.08, 0.32, 0.30]) + worn[..., None] * np.array([0.82, 0.78, 0.72])
+    )
+    images["paint_mr"] = metallic_roughness(0.35 + 0.35 * noise(10, 1.2), worn)
+    images["paint_normal"] = normals_of(worn, 0.5)
     os.makedirs(os.path.join(directory, "textures"), exist_ok=True)
     for name, texels in images.items():
         write_png(os.path.join(directory, "textures", name + ".png"), texels)
@@ -280,15 +375,29 @@ def textures(directory):
 
 # --------------------------------------------------------------------------------------------------------------- room
 
+
 def walls(g):
     def panel(name, centre, right, up, half_width, half_height, material):
         """A textured rectangle; u grows along `right`, v against `up`."""
         c, r, u = (np.array(v, float) for v in (centre, right, up))
-        corners = [c - r * half_width - u * half_height, c + r * half_width - u * half_height,
-                   c + r * half_width + u * half_height, c - r * half_width + u * half_height]
-        uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float) * np.array([2 * half_width / TILE, 2 * half_height / TILE])
-        g.add(name, np.array(corners), quad_indices(0), material, normals=np.tile(np.cross(r, u), (4, 1)),
-              tangents=np.tile(np.r_[r, 1.0], (4, 1)), uvs=uvs)
+        corners = [
+            c - r * half_width - u * half_height,
+            c + r * half_width - u * half_height,
+            c + r * half_width + u * half_height,
+            c - r * half_width + u * half_height,
+        ]
+        uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float) * np.array(
+            [2 * half_width / TILE, 2 * half_height / TILE]
+        )
+        g.add(
+            name,
+            np.array(corners),
+            quad_indices(0),
+            material,
+            normals=np.tile(np.cross(r, u), (4, 1)),
+            tangents=np.tile(np.r_[r, 1.0], (4, 1)),
+            uvs=uvs,
+        )
 
     x, y, z = ROOM_X, ROOM_Y, ROOM_Z
     panel("floor", (0, 0, 0), (1, 0, 0), (0, 0, -1), x, z, "wood")
@@ -297,13 +406,26 @@ def walls(g):
     panel("front", (0, y / 2, z), (-1, 0, 0), (0, 1, 0), x, y / 2, "plaster")
     panel("left", (-x, y / 2, 0), (0, 0, -1), (0, 1, 0), z, y / 2, "plaster")
     # The right wall has a window with a reveal 0.2 m deep and a cross of bars.
-    z0, z1, y0, y1 = -1.8, 1.8, .6, 2.4
-    for name, (za, zb, ya, yb) in {"rA": (-z, z0, 0, y), "rB": (z1, z, 0, y), "rC": (z0, z1, 0, y0), "rD": (z0, z1, y1, y)}.items():
+    z0, z1, y0, y1 = -1.8, 1.8, 0.6, 2.4
+    for name, (za, zb, ya, yb) in {
+        "rA": (-z, z0, 0, y),
+        "rB": (z1, z, 0, y),
+        "rC": (z0, z1, 0, y0),
+        "rD": (z0, z1, y1, y),
+    }.items():
         panel(name, (x, (ya + yb) / 2, (za + zb) / 2), (0, 0, 1), (0, 1, 0), (zb - za) / 2, (yb - ya) / 2, "plaster")
-    w = x + .2
-    reveal = [[(x, y0, z1), (w, y0, z1), (w, y0, z0), (x, y0, z0)], [(x, y1, z0), (w, y1, z0), (w, y1, z1), (x, y1, z1)],
-              [(x, y0, z0), (w, y0, z0), (w, y1, z0), (x, y1, z0)], [(w, y0, z1), (x, y0, z1), (x, y1, z1), (w, y1, z1)]]
-    g.quads("reveal", reveal + box((x + .08, y0, -.03), (x + .12, y1, .03)) + box((x + .08, 1.47, z0), (x + .12, 1.53, z1)), "frame")
+    w = x + 0.2
+    reveal = [
+        [(x, y0, z1), (w, y0, z1), (w, y0, z0), (x, y0, z0)],
+        [(x, y1, z0), (w, y1, z0), (w, y1, z1), (x, y1, z1)],
+        [(x, y0, z0), (w, y0, z0), (w, y1, z0), (x, y1, z0)],
+        [(w, y0, z1), (x, y0, z1), (x, y1, z1), (w, y1, z1)],
+    ]
+    g.quads(
+        "reveal",
+        reveal + box((x + 0.08, y0, -0.03), (x + 0.12, y1, 0.03)) + box((x + 0.08, 1.47, z0), (x + 0.12, 1.53, z1)),
+        "frame",
+    )
 
 
 def furniture(g):
@@ -319,18 +441,22 @@ def furniture(g):
             indices += quad_indices(number).tolist()
         g.add(name, np.array(p), indices, material, normals=np.array(n), tangents=np.array(t), uvs=np.array(uv))
 
-    textured_box("tabletop", (-1.5, .72, -1.0), (.6, .78, .2), "paint")
-    for i, (x, z) in enumerate(((-1.45, -.95), (.5, -.95), (-1.45, .1), (.5, .1))):
-        textured_box("leg%d" % i, (x, 0, z), (x + .06, .72, z + .06), "paint")
+    textured_box("tabletop", (-1.5, 0.72, -1.0), (0.6, 0.78, 0.2), "paint")
+    for i, (x, z) in enumerate(((-1.45, -0.95), (0.5, -0.95), (-1.45, 0.1), (0.5, 0.1))):
+        textured_box("leg%d" % i, (x, 0, z), (x + 0.06, 0.72, z + 0.06), "paint")
     for i in range(4):
-        textured_box("shelf%d" % i, (-2.9, .4 + .55 * i, -3.95), (-.2, .44 + .55 * i, -3.55), "wood")
+        textured_box("shelf%d" % i, (-2.9, 0.4 + 0.55 * i, -3.95), (-0.2, 0.44 + 0.55 * i, -3.55), "wood")
     textured_box("cabinet", (1.0, 0, -3.9), (2.6, 1.1, -3.3), "paint")
 
 
 def clutter(g):
     """50 placements of four dense shapes in four materials; equal pairs share a mesh."""
-    shapes = [torus_knot(2, 3, 220, 48, ku=12, kv=3), bumpy_sphere(5, .25, 3.0, 1),
-              torus_knot(3, 5, 260, 40, bump=.02, ku=10, kv=2, tube=.16), bumpy_sphere(5, .35, 2.0, 4)]
+    shapes = [
+        torus_knot(2, 3, 220, 48, ku=12, kv=3),
+        bumpy_sphere(5, 0.25, 3.0, 1),
+        torus_knot(3, 5, 260, 40, bump=0.02, ku=10, kv=2, tube=0.16),
+        bumpy_sphere(5, 0.35, 2.0, 4),
+    ]
     materials, meshes, random = ["clayA", "clayB", "brass", "alu"], {}, np.random.RandomState(11)
 
     def put(shape, material, position, scale):
@@ -338,24 +464,29 @@ def clutter(g):
         if (shape, material) not in meshes:
             meshes[shape, material] = g.mesh("m%d_%s" % (shape, material), positions, faces, material, normals=normals)
         half_angle, lowest = random.uniform(0, math.pi), (positions[:, 1].min()) * scale
-        g.node("clutter", meshes[shape, material], (position[0], position[1] - lowest, position[2]),
-               (0, math.sin(half_angle), 0, math.cos(half_angle)), (scale, scale, scale))
+        g.node(
+            "clutter",
+            meshes[shape, material],
+            (position[0], position[1] - lowest, position[2]),
+            (0, math.sin(half_angle), 0, math.cos(half_angle)),
+            (scale, scale, scale),
+        )
 
     count = 0
     for level in range(4):
         for i in range(6):
-            put(count % 4, materials[(count // 2 + level) % 4], (-2.65 + .45 * i, .445 + .55 * level, -3.75), .13)
+            put(count % 4, materials[(count // 2 + level) % 4], (-2.65 + 0.45 * i, 0.445 + 0.55 * level, -3.75), 0.13)
             count += 1
     for i in range(7):
-        z, scale = random.uniform(-.75, -.05), random.uniform(.08, .12)
-        put(count % 4, materials[count % 4], (-1.25 + .28 * i, .781, z), scale)
+        z, scale = random.uniform(-0.75, -0.05), random.uniform(0.08, 0.12)
+        put(count % 4, materials[count % 4], (-1.25 + 0.28 * i, 0.781, z), scale)
         count += 1
     for i in range(5):
-        put(count % 4, materials[(count + 1) % 4], (1.2 + .3 * i, 1.101, -3.6), .11)
+        put(count % 4, materials[(count + 1) % 4], (1.2 + 0.3 * i, 1.101, -3.6), 0.11)
         count += 1
     for _ in range(14):
         x, z = random.uniform(-2.4, 2.4), random.uniform(-2.8, 1.2)
-        put(count % 4, materials[(count + 2) % 4], (x, .001, z), random.uniform(.12, .26))
+        put(count % 4, materials[(count + 2) % 4], (x, 0.001, z), random.uniform(0.12, 0.26))
         count += 1
 
 
@@ -367,16 +498,16 @@ def main():
     g.material("wood", metallic=1.0, textures=("base", "mr", "normal"))
     g.material("plaster", textures=("base", "normal"))
     g.material("paint", metallic=1.0, textures=("base", "mr", "normal"))
-    g.material("ceiling", (.8, .8, .8))
-    g.material("clayA", (.6, .25, .18))
-    g.material("clayB", (.2, .35, .5))
-    g.material("brass", (.91, .78, .42), 1.0, math.sqrt(.12), lambert=False)
-    g.material("alu", (.91, .92, .92), 1.0, math.sqrt(.2), lambert=False)
-    g.material("frame", (.75, .75, .72))
+    g.material("ceiling", (0.8, 0.8, 0.8))
+    g.material("clayA", (0.6, 0.25, 0.18))
+    g.material("clayB", (0.2, 0.35, 0.5))
+    g.material("brass", (0.91, 0.78, 0.42), 1.0, math.sqrt(0.12), lambert=False)
+    g.material("alu", (0.91, 0.92, 0.92), 1.0, math.sqrt(0.2), lambert=False)
+    g.material("frame", (0.75, 0.75, 0.72))
     walls(g)
     furniture(g)
     clutter(g)
-    g.camera((1.6, 1.5, 3.7), (-.5, .9, -1.5), (0, 1, 0), 55.0)
+    g.camera((1.6, 1.5, 3.7), (-0.5, 0.9, -1.5), (0, 1, 0), 55.0)
     g.write(directory)
 
 
