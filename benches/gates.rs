@@ -23,13 +23,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use pathspace::Scene;
 use pathspace::backend::BackendKind;
-use pathspace::plan::Gate;
-use pathspace::render::{FilterKind, Fog, Lens, RenderOptions, Renderer, Roulette, SamplerKind, Strategy};
+use pathspace::plan::{Aov, Gate};
+use pathspace::render::{
+    Backfaces, FilterKind, Fog, Lens, LightPaths, RenderOptions, Renderer, Roulette, SamplerKind, Strategy,
+};
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::BAKE_MESH_TRIANGLES;
 use pathspace::scene::motion::{Shutter, Track};
 use pathspace::scene::{
-    AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, PunctualKind, Texture, TextureId,
+    AlphaMode, ColorSpace, Environment, Instance, Material, MaterialId, Mesh, PunctualKind, Shape, Texture, TextureId,
     TextureSlot, Wrap,
 };
 
@@ -68,6 +70,7 @@ const ROWS: &[Row] = &[
     row("lens", "base", "lens", Some(Gate::LENS)),
     row("shutter: a ball that moves", "base", "shutter", Some(Gate::SHUTTER)),
     row("shutter: two heaps that move", "instances", "moving", None),
+    row("shutter: they change their shape", "moving", "changing", None),
     row("base-colour texture", "base", "base-colour-texture", Some(Gate::TEXTURES)),
     row("metallic-roughness texture", "metal-paper", "metallic-roughness-texture", Some(Gate::TEXTURES)),
     row("normal map (with tangents)", "base", "normal-map", None),
@@ -85,6 +88,7 @@ const ROWS: &[Row] = &[
     row("rough transmission, solid", "base", "rough-glass", None),
     row("transmission, thin wall", "base", "thin", None),
     row("absorption", "glass", "absorption", Some(Gate::MEDIA)),
+    row("ratios of light paths", "mirror", "light-paths", None),
     row("clearcoat", "coat", "clearcoat", None),
     row("sheen", "coat", "sheen", None),
     row("iridescence", "coat", "iridescence", None),
@@ -93,6 +97,8 @@ const ROWS: &[Row] = &[
     row("dispersion", "glass", "dispersion", None),
     row("solid that scatters", "rough-glass", "scattering", None),
     row("fog", "base", "fog", None),
+    row("light between facets", "rough-glass", "multiscatter", None),
+    row("backs that camera rays pass", "base", "hidden-backs", None),
     row("coincident faces", "base", "coincident", Some(Gate::COINCIDENT)),
     row("unlit", "base", "unlit", None),
     row("light sampling at all", "dark", "base", Some(Gate::LIGHT_SAMPLING)),
@@ -105,11 +111,15 @@ const ROWS: &[Row] = &[
     row("Sobol' points for independent", "independent", "base", None),
     row("filter for box", "box", "base", None),
     row("per-length images", "base", "per-length", Some(Gate::PER_LENGTH)),
+    row("light groups", "base", "light-groups", Some(Gate::LIGHT_GROUPS)),
+    row("lobe layers", "coat", "lobe-layers", Some(Gate::LOBES)),
 ];
 
 /// The scene and the options of that name.
 fn scene(name: &str) -> (Scene, RenderOptions) {
     let mut options = RenderOptions::new(SIDE, SIDE).spp(SPP).backend(BackendKind::Obvhs).threads(1);
+    // Rows count tiles of camera paths; light paths have one of their own.
+    options = options.light_paths(LightPaths::Off);
     let mut b = SceneBuilder::new();
     room(&mut b);
 
@@ -137,7 +147,7 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     let coat = Material { metallic: 0.0, roughness: 0.5, base_color: RED, ..Material::default() };
     let clear = Material { metallic: 0.0, roughness: 0.0, transmission: 1.0, ior: 1.5, ..Material::default() };
     let ball = match name {
-        "coat" => b.material(coat),
+        "coat" | "lobe-layers" => b.material(coat),
         "clearcoat" => b.material(Material { clearcoat: 1.0, clearcoat_roughness: 0.1, ..coat }),
         "sheen" => b.material(Material { sheen_color: Vec3::splat(0.8), sheen_roughness: 0.4, ..coat }),
         "iridescence" => b.material(Material { iridescence: 1.0, ..coat }),
@@ -150,9 +160,9 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
             ..Material::default()
         }),
         "metal" => b.metal(RED, 0.1),
-        "mirror" => b.metal(RED, 0.0),
+        "mirror" | "light-paths" => b.metal(RED, 0.0),
         "glass" => b.material(Material { thickness: 1.0, ..clear }),
-        "rough-glass" => b.material(Material { thickness: 1.0, roughness: 0.5, ..clear }),
+        "rough-glass" | "multiscatter" => b.material(Material { thickness: 1.0, roughness: 0.5, ..clear }),
         "thin" => b.material(clear),
         "dispersion" => b.material(Material { thickness: 1.0, dispersion: 1.0, ..clear }),
         "scattering" => b.material(Material {
@@ -202,6 +212,8 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     );
 
     match name {
+        "multiscatter" => options.multiscatter = true,
+        "hidden-backs" => options.backfaces = Backfaces::Hide,
         "fog" => options.fog = Some(Fog { sigma_t: 0.5, albedo: 0.8, g: 0.3 }),
         // On the floor's face.
         "coincident" => {
@@ -211,16 +223,19 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
         "lens" => options.lens = Some(Lens { radius_m: 0.02, focus_m: 2.4 }),
         "environment" => drop(b.environment(Environment::constant(Vec3::splat(0.5)))),
         "point-light" => drop(b.point_light(Vec3::new(-0.5, 0.5, 0.5), Vec3::ONE)),
-        "copies" | "instances" | "moving" => {
+        "copies" | "instances" | "moving" | "changing" => {
             let bumps = [heap(&mut b), heap(&mut b)];
             b.place(bumps[0], Affine3A::from_translation(Vec3::new(-0.5, -0.6, 0.2)));
             let second = bumps[usize::from(name == "copies")];
             b.place(second, Affine3A::from_translation(Vec3::new(0.5, 0.4, -0.4)));
         }
+        "light-paths" => options.light_paths = LightPaths::Share(0.25),
         "no-roulette" => options.roulette = Roulette::Off,
         "independent" => options.sampler = SamplerKind::Independent,
         "box" => options.filter = FilterKind::Box,
         "per-length" => options.per_length = true,
+        "light-groups" => options.aovs = vec![Aov::LIGHT_GROUPS],
+        "lobe-layers" => options.aovs = vec![Aov::DIFFUSE],
         "idle" => {
             b.glass(1.5);
             b.metal(RED, 0.2);
@@ -234,8 +249,14 @@ fn scene(name: &str) -> (Scene, RenderOptions) {
     scene.textures.push(noise());
     match name {
         "shutter" => move_along(&mut scene, |mesh| mesh.name.starts_with("sphere")),
-        "moving" => move_along(&mut scene, |mesh| mesh.triangles.len() > BAKE_MESH_TRIANGLES),
+        "moving" | "changing" => move_along(&mut scene, |mesh| mesh.triangles.len() > BAKE_MESH_TRIANGLES),
         _ => {}
+    }
+    if name == "changing" {
+        for mesh in scene.meshes.iter_mut().filter(|mesh| mesh.triangles.len() > BAKE_MESH_TRIANGLES) {
+            let positions = mesh.positions.iter().map(|&p| p * Vec3::new(1.1, 1.0, 0.9)).collect();
+            mesh.later = vec![Shape { positions, ..Shape::default() }];
+        }
     }
     (scene, options)
 }

@@ -51,6 +51,21 @@ pub struct CameraRays {
     parallel: bool,
 }
 
+/// A point as the camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// Where on the film, pixels.
+    pub film: Vec2,
+    /// Start of the ray.
+    pub origin: Vec3,
+    /// Its unit direction.
+    pub dir: Vec3,
+    /// Its length up to the point, metres.
+    pub distance_m: f32,
+    /// Pixels of film for a square metre across the ray at the point.
+    pub per_area: f32,
+}
+
 impl CameraRays {
     /// Resolves `camera` for an image of `resolution` columns and rows.
     ///
@@ -124,6 +139,11 @@ impl CameraRays {
         self.eye
     }
 
+    /// Where it looks.
+    pub fn forward(&self) -> Vec3 {
+        self.forward
+    }
+
     /// The cone of rays through a pixel: its width at the camera (metres) and its widening per metre.
     pub fn pixel_cone(&self) -> (f32, f32) {
         (self.eye_dx.length(), self.forward_dx.length())
@@ -160,6 +180,60 @@ impl CameraRays {
         // Both this ray and the pinhole's meet at focus_m · dir, where dir has unit length along the axis.
         let dir = self.forward + (self.forward_dx * x + self.forward_dy * y) - offset * self.per_focus;
         (self.eye + offset, dir.normalize())
+    }
+
+    /// How a point is seen from a point of the lens (a unit square): what [`ray`](Self::ray) would have to be told, and
+    /// what it would answer. `None` behind the camera. The place on the film may lie outside of the picture.
+    pub fn sight(&self, p: Vec3, lens_uv: [f32; 2]) -> Option<Sight> {
+        if self.parallel {
+            let to = p - self.eye;
+            let (dx2, dy2) = (self.eye_dx.length_squared(), self.eye_dy.length_squared());
+            let film = self.center + Vec2::new(to.dot(self.eye_dx) / dx2, to.dot(self.eye_dy) / dy2);
+            let (origin, dir) = self.pinhole_ray(film.x, film.y);
+            let distance_m = (p - origin).dot(dir);
+            let sight = Sight { film, origin, dir, distance_m, per_area: self.per_area(dir, distance_m) };
+            return (distance_m > self.near).then_some(sight);
+        }
+        let disk = concentric_disk(lens_uv);
+        let offset = self.lens_x * disk.x + self.lens_y * disk.y;
+        let origin = self.eye + offset;
+        let to = p - origin;
+        let depth = to.dot(self.forward);
+        if !(depth > 0.0) {
+            return None;
+        }
+        // Undoes `lens_ray`.
+        let film = self.film_of(to / depth + offset * self.per_focus);
+        let distance_m = to.length();
+        let dir = to / distance_m;
+        let sight = Sight { film, origin, dir, distance_m, per_area: self.per_area(dir, distance_m) };
+        (distance_m > self.near).then_some(sight)
+    }
+
+    /// Where on the film a ray of this direction goes through that has unit length along the view axis.
+    #[inline(always)]
+    fn film_of(&self, dir: Vec3) -> Vec2 {
+        let across = dir - self.forward;
+        let (dx2, dy2) = (self.forward_dx.length_squared(), self.forward_dy.length_squared());
+        self.center + Vec2::new(across.dot(self.forward_dx) / dx2, across.dot(self.forward_dy) / dy2)
+    }
+
+    /// Where on the film what is infinitely far off in direction `dir` is seen, pixels. `None` behind the camera, and
+    /// for parallel rays, all of which have one direction.
+    pub fn vanishing_point(&self, dir: Vec3) -> Option<Vec2> {
+        let depth = dir.dot(self.forward);
+        (!self.parallel && depth > 0.0).then(|| self.film_of(dir / depth))
+    }
+
+    /// Pixels of film for a square metre across a camera ray `distance_m` from its start.
+    #[inline]
+    pub fn per_area(&self, dir: Vec3, distance_m: f32) -> f32 {
+        if self.parallel {
+            return 1.0 / (self.eye_dx.length() * self.eye_dy.length());
+        }
+        // A pixel is |dx|·|dy|·cos³ of solid angle.
+        let cos = dir.dot(self.forward);
+        1.0 / (self.forward_dx.length() * self.forward_dy.length() * cos * cos * cos * distance_m * distance_m)
     }
 
     /// Distance of a world point along the view axis, metres: the `Z` channel.

@@ -57,6 +57,14 @@ pub enum Error {
         /// What was expected and found.
         problem: String,
     },
+    /// A part of a picture cannot be joined with the others.
+    #[error("{}: {problem}", path.display())]
+    Part {
+        /// The part.
+        path: PathBuf,
+        /// Why not.
+        problem: String,
+    },
     /// The ray backend could not be made ready.
     #[error("{backend}: {problem}")]
     Backend {
@@ -96,7 +104,7 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::InvalidScene { .. } | Error::UnsupportedExtension { .. } => 4,
-            Error::Option { .. } => 2,
+            Error::Option { .. } | Error::Part { .. } => 2,
             Error::Io { .. } | Error::Image { .. } | Error::Backend { .. } | Error::Memory { .. } => 1,
         }
     }

@@ -78,7 +78,7 @@ pub use error::{Error, Result};
 /// Vectors and matrices of this crate's interface.
 pub use glam;
 pub use plan::aov::Aov;
-pub use plan::options::{Heuristic, SamplerKind, Strategy, Techniques};
+pub use plan::options::{Backfaces, Heuristic, LightPaths, SamplerKind, Strategy, Techniques};
 pub use render::{RenderOptions, Renderer};
 pub use scene::Scene;
 

@@ -4,8 +4,10 @@
 use std::fs;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use rustix::time::{ClockId, clock_gettime};
 
 /// A processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -150,6 +152,26 @@ pub fn can_start(count: usize) -> std::io::Result<()> {
         waiting.iter().for_each(|thread| thread.thread().unpark());
         outcome
     })
+}
+
+/// A clock that counts from some moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// The time that passes.
+    Wall,
+    /// The processor time of the calling thread, which other processes do not stretch.
+    Thread,
+}
+
+impl Clock {
+    /// What it shows (POSIX `CLOCK_MONOTONIC`, `CLOCK_THREAD_CPUTIME_ID`).
+    pub fn now(self) -> Duration {
+        let time = clock_gettime(match self {
+            Clock::Wall => ClockId::Monotonic,
+            Clock::Thread => ClockId::ThreadCPUTime,
+        });
+        Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec.unsigned_abs() as u32)
+    }
 }
 
 /// Processor time of all living threads of this process, seconds, without the time they waited for a processor; `None`

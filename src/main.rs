@@ -26,6 +26,7 @@ const EXIT_INTERNAL: u8 = 1;
 
 fn main() -> ExitCode {
     start_without(&UNREAD);
+    allocator::give_large_blocks_back();
     let cli = Cli::read(std::env::args_os().collect());
     // A panic is a bug, and the contract knows it as "internal". One line says where; RUST_BACKTRACE shows the way
     // there. Workers of a render are silent: the render says which sample they failed at.
@@ -67,4 +68,34 @@ fn start_without(variables: &[&str]) {
         // Comes back with an error alone; then the variables have to be lived with.
         let _ = command.args(words).exec();
     }
+}
+
+/// glibc's allocator. Large blocks come from the system and go back to it as they are freed; but with each one that is
+/// freed, glibc raises the size from which that is so, up to 32 MB, and what is smaller then comes from the threads'
+/// heaps, which keep it. Images are decoded by many threads with buffers as large as the image, so a budget of textures
+/// would be exceeded by what heaps keep. A size that is set stays (mallopt(3)). Smaller sizes give back more, and make
+/// loading slower.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[allow(unsafe_code)] // Fence 5 of 5: one function of the C library.
+mod allocator {
+    use std::ffi::c_int;
+
+    const M_MMAP_THRESHOLD: c_int = -3;
+    /// Bytes of a block that comes from the system.
+    const LARGE: c_int = 4 << 20;
+
+    // SAFETY: declared as in malloc.h; takes two numbers, and may be called at any time.
+    unsafe extern "C" {
+        safe fn mallopt(parameter: c_int, value: c_int) -> c_int;
+    }
+
+    pub fn give_large_blocks_back() {
+        mallopt(M_MMAP_THRESHOLD, LARGE);
+    }
+}
+
+/// Other allocators have rules of their own.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+mod allocator {
+    pub fn give_large_blocks_back() {}
 }

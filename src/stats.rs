@@ -4,11 +4,14 @@
 pub mod bias;
 #[doc(hidden)]
 pub mod curve;
+pub mod denoise;
 pub mod error_log;
 
 use serde::Serialize;
 
+use self::denoise::DenoiseStats;
 use crate::backend::BackendInfo;
+use crate::film::estimate::{Tail, Verdict};
 use crate::math::simd::detect;
 use crate::plan::{Bias, Effects};
 use crate::render::stopping::{LIMIT_CONFIDENCE, LIMIT_SIGMAS};
@@ -90,6 +93,10 @@ pub struct Stats {
     pub isa: &'static str,
     /// What `peak_rss_bytes` was expected to be before the hierarchy was built.
     pub memory_need_bytes: u64,
+    /// The tail of the estimate of the error; `null` where the film is too small to have one.
+    pub tail: Option<TailStats>,
+    /// The filtered picture beside this one; `null` unless it was asked for.
+    pub denoised: Option<DenoiseStats>,
 }
 
 /// Textures of a render.
@@ -227,6 +234,46 @@ pub struct ErrorStats {
     pub target: Option<f64>,
 }
 
+/// The tail of the estimate: whether it is to be trusted, and what may have been missed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct TailStats {
+    /// In words: "tame", "heavy: k=0.6", "not to be trusted: k=0.9".
+    pub verdict: String,
+    /// Index of the largest contributions of pixels to relMSE: ½ and above have no finite variance.
+    pub k: f64,
+    /// Its standard error.
+    pub k_stderr: f64,
+    /// Index from which nothing is to be trusted.
+    pub k_limit: f64,
+    /// Pixels whose contributions were fitted.
+    pub pixels: usize,
+    /// Share of the picture's light that came from events met once; as much is expected from those not met yet.
+    pub unseen_share: f64,
+    /// Its upper bound (95 %).
+    pub unseen_at_most: f64,
+}
+
+impl TailStats {
+    /// Whether intervals and predictions hold.
+    pub fn is_tame(&self) -> bool {
+        self.verdict == Verdict::Tame.name()
+    }
+
+    /// Of a film's tail.
+    pub fn of(tail: &Tail) -> Self {
+        TailStats {
+            verdict: tail.words(),
+            k: tail.k,
+            k_stderr: tail.k_stderr,
+            k_limit: tail.k_limit,
+            pixels: tail.pixels,
+            unseen_share: tail.unseen,
+            unseen_at_most: tail.unseen_at_most,
+        }
+    }
+}
+
 /// What the pilot of a render with an error target predicted, and what the render took.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -247,6 +294,10 @@ pub struct PredictionStats {
     pub taken_s: f64,
     /// Samples per pixel that it took.
     pub taken_spp: u64,
+    /// Whether the pilot's tail leaves but the lower ends of the intervals.
+    pub at_least: bool,
+    /// What is to be said of it then.
+    pub caution: Option<&'static str>,
 }
 
 /// Where a non-finite sample was met.
@@ -366,10 +417,14 @@ impl Stats {
                 spp_interval: forecast.predicted.spp_interval,
                 taken_s: seconds.render,
                 taken_spp: spp.min,
+                at_least: forecast.predicted.caution().is_some(),
+                caution: forecast.predicted.caution(),
             }),
             textures: TextureRecord::of(scene, counters),
             isa: detect::name(plan.avx512),
             memory_need_bytes: renderer.need().total_bytes,
+            tail: film.tail().as_ref().map(TailStats::of),
+            denoised: None,
         }
     }
 }

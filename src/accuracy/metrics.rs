@@ -1,5 +1,4 @@
-//! Metrics of a linear image I against a reference R, as DESIGN §9 defines them (all means in f64, denominators from
-//! the reference only):
+//! Metrics of a linear image I against a reference R (all means in f64, denominators from the reference only):
 //!
 //! * MSE: mean over pixels and channels of (I − R)².
 //! * relMSE: mean of (I − R)²/(R² + ε) with ε = 0.01·mean(R)², scale-free.

@@ -10,8 +10,12 @@
 //! that is a process without memory (Ornstein-Uhlenbeck), so the generalised least squares need no matrix: each point
 //! is whitened by its predecessor alone.
 //!
+//! A pilot whose tail is not tame (`film::estimate`) has not met what will decide: of its prediction the lower ends are
+//! left, and a sentence ([`Predicted::caution`]).
+//!
 //! Limits: a constant slope; the machine stays as fast as during the pilot; bias has no part in the model.
 
+use crate::film::estimate::Verdict;
 use crate::plan::options::SamplerKind;
 
 /// Two-sided 95 % point of the normal distribution.
@@ -96,6 +100,30 @@ pub struct Predicted {
     pub spp_interval: [f64; 2],
     /// Of `seconds`.
     pub seconds_interval: [f64; 2],
+    /// Whether only the lower ends of the intervals are to be relied on, and how the tail that the pilot showed is.
+    pub tail: Verdict,
+}
+
+impl Predicted {
+    /// As far as a pilot of this tail can know; one that says nothing of its tail is taken as tame.
+    pub fn under(self, tail: Option<Verdict>) -> Self {
+        Predicted { tail: tail.unwrap_or(self.tail), ..self }
+    }
+
+    /// What to say beside the lower bound, where it is one.
+    pub fn caution(&self) -> Option<&'static str> {
+        match self.tail {
+            Verdict::Tame => None,
+            Verdict::Heavy => Some(
+                "few bright samples carry the error: it takes at least that long, and longer where more of them turn \
+                 up",
+            ),
+            Verdict::Untrusted => Some(
+                "single bright samples carry the error, and more are to be expected: it takes at least that long, and \
+                 nobody can say how much longer",
+            ),
+        }
+    }
 }
 
 /// Fits the points of a pilot with Sobol' points, ascending in spp; `fixed_seconds` is load, build and output. `None`
@@ -175,6 +203,7 @@ impl Prediction {
             seconds: self.fixed_seconds + seconds,
             spp_interval: around(spp, variance.sqrt()),
             seconds_interval: sampling.map(|s| self.fixed_seconds + s),
+            tail: Verdict::Tame,
         }
     }
 
@@ -290,6 +319,20 @@ mod tests {
             held += u32::from(cost.spp_interval[0] < 1024.0 && 1024.0 < cost.spp_interval[1]);
         }
         assert!((360..=396).contains(&held), "{held} of {trials}");
+    }
+
+    /// Numbers stay; what they are worth is told.
+    #[test]
+    fn tails_that_are_not_tame_leave_lower_bounds() {
+        let pilot = fit(&[point(16, 1.0, 0.04, 0.1), point(32, 2.0, 0.02, 0.1)], 0.0).expect("points");
+        let cost = pilot.for_error(0.05);
+        assert_eq!((cost.under(None), cost.caution()), (cost, None));
+        assert_eq!(cost.under(Some(Verdict::Tame)), cost);
+        for verdict in [Verdict::Heavy, Verdict::Untrusted] {
+            let under = cost.under(Some(verdict));
+            assert!(under.caution().is_some_and(|caution| caution.contains("at least that long")), "{under:?}");
+            assert_eq!((under.spp, under.seconds_interval), (cost.spp, cost.seconds_interval));
+        }
     }
 
     #[test]

@@ -8,10 +8,11 @@ use glam::Vec3;
 
 use super::batch::{Batch, INVALID_ID, LANES, RayBlock, RayHitBlock};
 use super::past::{Past, Without, key_of};
-use super::triangle::{Closest, Rank, Ray, RayByRay, RayShear, TriangleHit};
+use super::triangle::{self, Closest, Rank, Ray, RayByRay, RayShear, TriangleHit};
 use super::{Backend, BackendInfo, BackendKind, Coherence, QueryMode};
 use crate::math::lanes::lanes_of;
-use crate::scene::geometry::{Geometry, Moving, Placement};
+use crate::scene::geometry::{Geometry, Moving, Placement, TriangleMesh};
+use crate::scene::motion::part_of;
 
 /// One triangle of a mesh.
 struct Face {
@@ -19,10 +20,15 @@ struct Face {
     prim: u32,
 }
 
+/// Triangles of a mesh that changes its shape: the number of each, and its corners in every shape.
+type Changing = Vec<(u32, Vec<[Vec3; 3]>)>;
+
 /// The oracle.
 pub struct Brute {
     info: BackendInfo,
     meshes: Vec<Vec<Face>>,
+    /// By mesh, of those that change their shape.
+    changing: Vec<Changing>,
     instances: Vec<Placement>,
     moving: Moving,
 }
@@ -33,9 +39,18 @@ impl Brute {
         let meshes: Vec<Vec<Face>> = geometry
             .meshes
             .iter()
-            .map(|mesh| mesh.traced().map(|(prim, vertices)| Face { vertices, prim }).collect())
+            .map(|mesh| {
+                let at_rest = mesh.later.is_empty().then(|| mesh.traced()).into_iter().flatten();
+                at_rest.map(|(prim, vertices)| Face { vertices, prim }).collect()
+            })
             .collect();
-        let triangles = meshes.iter().map(|m| m.len() as u64).sum();
+        let changing = |mesh: &TriangleMesh| match mesh.later.is_empty() {
+            true => Vec::new(),
+            false => mesh.traced_moving().collect(),
+        };
+        let changing: Vec<Changing> = geometry.meshes.iter().map(changing).collect();
+        let moving = changing.iter().map(|mesh| mesh.len() as u64).sum::<u64>();
+        let triangles = meshes.iter().map(|m| m.len() as u64).sum::<u64>() + moving;
         let single = QueryMode::Single.name();
         let info = BackendInfo {
             kind: BackendKind::Brute,
@@ -47,7 +62,7 @@ impl Brute {
             bvh_bytes: triangles * size_of::<Face>() as u64,
             triangles,
         };
-        Brute { info, meshes, instances: geometry.instances.clone(), moving: geometry.moving.clone() }
+        Brute { info, meshes, changing, instances: geometry.instances.clone(), moving: geometry.moving.clone() }
     }
 
     /// Calls `found` with every triangle that the segment meets at `time` until it returns false.
@@ -55,10 +70,16 @@ impl Brute {
         let mut visit = |ray: Ray, mesh: u32, inst: u32| {
             let shear = RayShear::new(&ray);
             let faces = self.meshes.get(mesh as usize).map_or(&[][..], |m| m);
-            faces.iter().all(|face| match shear.intersect(&face.vertices, ray.tnear, ray.tfar) {
-                Some(hit) => found(hit, (inst.wrapping_add(1), mesh, face.prim)),
+            let mut meets = |vertices: &[Vec3; 3], prim: u32| match shear.intersect(vertices, ray.tnear, ray.tfar) {
+                Some(hit) => found(hit, (inst.wrapping_add(1), mesh, prim)),
                 None => true,
-            })
+            };
+            let changing = self.changing.get(mesh as usize).map_or(&[][..], |m| m);
+            faces.iter().all(|face| meets(&face.vertices, face.prim))
+                && changing.iter().all(|(prim, shapes)| {
+                    let (part, fraction) = part_of(time, shapes.len() - 1);
+                    meets(&triangle::between(&shapes[part], &shapes[part + 1], fraction), *prim)
+                })
         };
         if !visit(ray, 0, INVALID_ID) {
             return;
@@ -117,12 +138,11 @@ impl Backend for Brute {
 mod tests {
     use super::*;
     use crate::scene::geometry::NO_MATERIAL;
-    use crate::scene::geometry::TriangleMesh;
     use glam::{Affine3A, Mat3A};
 
     fn triangle_at(z: f32) -> TriangleMesh {
         let vertices = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * z).to_vec();
-        TriangleMesh { vertices, indices: vec![[0, 1, 2]; 2], first_triangle: 0 }
+        TriangleMesh { vertices, indices: vec![[0, 1, 2]; 2], ..TriangleMesh::default() }
     }
 
     fn closest(brute: &Brute, org: Vec3, dir: Vec3) -> Option<super::super::batch::Hit> {

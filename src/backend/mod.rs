@@ -2,13 +2,15 @@
 //!
 //! Five stand behind it: [`brute`] (every ray against every triangle, the oracle), [`obvhs`] (pure Rust), [`flat`]
 //! (scenes of few faces, without a hierarchy), [`joint`] (a few large faces by `flat`, the rest by `obvhs`) and
-//! `embree` (Debian's library, feature `embree`). [`select`] chooses among them and builds them.
+//! `embree` (Debian's library, feature `embree`). [`select`] chooses among them, by the work that [`count`] counts and
+//! the [`weights`] of its units, and builds them.
 
 pub mod batch;
 mod bounds;
 pub mod brute;
+pub mod count;
 #[cfg(feature = "embree")]
-#[allow(unsafe_code)] // Fence 1 of 3: the Embree API.
+#[allow(unsafe_code)] // Fence 1 of 5: the Embree API.
 pub mod embree;
 pub mod flat;
 pub mod joint;
@@ -17,6 +19,7 @@ pub mod past;
 pub mod select;
 pub mod size;
 pub mod triangle;
+pub mod weights;
 
 use std::fmt;
 use std::str::FromStr;

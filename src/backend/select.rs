@@ -1,42 +1,44 @@
 //! Which backend traces a scene, and why; and what each can be held to. Every constant of the choice stands here.
 //!
-//! Costs are times per ray over that in one hierarchy of everything, of a ray whose line is uniform among those that
-//! meet the scene's box: it meets a convex body inside with the ratio of their surfaces (Crofton). The choice depends
-//! on the scene alone: what a render pins (`--rays`, `--isa`, `--robust off`) is honoured by the chosen backend, or
-//! refused.
+//! The choice follows from [counted](super::count) work and the [weights](super::weights) of its units, so it depends
+//! on the scene, the build and the processor's instruction set alone: what a render pins (`--rays`, `--isa`,
+//! `--robust off`) is honoured by the chosen backend, or refused.
 
-use std::ops::RangeInclusive;
+use std::fmt::Write as _;
 
 use super::brute::Brute;
+use super::count::draw::View;
+use super::count::walk::Visits;
+use super::count::{self, Counts};
 #[cfg(feature = "embree")]
 use super::embree::Embree;
 use super::flat::{self, Flat};
 use super::joint::{self, Joint};
 use super::obvhs::Obvhs;
+use super::weights;
 use super::{Backend, BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
 use crate::math::simd::detect;
 use crate::scene::geometry::{Geometry, TriangleMesh};
 
-/// Faces up to which `flat` is taken. Its time grows with their number, Embree's hardly. Measured on cornell-box with
-/// more boxes in it, Embree's time over that of `flat` (best of 5): 39 faces 1.76, 59 1.19, 79 1.42, 99 1.13, 139 0.96,
-/// 179 0.93.
-pub const FLAT_FACES: usize = 64;
+/// Faces up to which `flat` is taken without counting.
+pub const FLAT_ALONE: usize = 24;
 
-/// Cost up to which `flat+obvhs` is taken, set between scenes that gain by it and scenes that do not. Measured: times
-/// of renders over Embree's (2 threads, least of five, twice) are 0.78 on glass-caustics, 0.94 on interior, 1.01 on
-/// env-object (AVX2: 0.80, 0.94, 0.89) and 1.03 on veach-mis. On two scenes that nobody had tuned for, processor times
-/// were 0.79 and 1.22 of Embree's.
+/// Faces up to which it is a candidate: its time grows with their number, a hierarchy's hardly.
+pub const FLAT_FACES: usize = 256;
+
+/// Triangles up to which work is counted, instanced ones once. Of more, the hierarchies' building decides: obvhs takes
+/// four times as long as Embree (2 µs a triangle), and a pass over all triangles would be felt.
+pub const COUNTED_TRIANGLES: usize = 1 << 20;
+
+/// Cost up to which `flat+obvhs` is taken without counting, in builds without Embree: of a ray whose line is uniform
+/// among those that meet the scene's box, over that in one hierarchy of everything.
 pub const DIVIDED_COST: f32 = 0.6;
-
-/// Triangles of all meshes together with which `flat+obvhs` is taken where there is Embree. With fewer, Embree is as
-/// fast (veach-mis, 1292 triangles: 0.97); with more, building takes seconds longer (2 µs a triangle, against 0.5).
-pub const DIVIDED_TRIANGLES: RangeInclusive<usize> = 1 << 14..=1 << 20;
 
 /// How `flat+obvhs` divides a scene.
 pub const DIVISION: joint::Limits = joint::Limits {
-    // As many as `flat` takes alone: beyond, hierarchies win.
-    faces: FLAT_FACES,
+    // Beyond, hierarchies win.
+    faces: 64,
     // On glass-caustics a face takes 1 to 2 ns of a ray's time with AVX-512, twice that with AVX2; a ray in the
     // hierarchy alone takes 150 to 250.
     face_cost: 0.01,
@@ -67,14 +69,19 @@ pub struct Pins<'a> {
     pub robust: bool,
 }
 
-/// The backend that is asked for, else the fastest one of this build for `geometry`.
+/// The backend that is asked for, else the [`fastest`] one of this build for `geometry`.
 ///
 /// # Errors
 /// [`Error::Option`] where the backend that is asked for is not in this build or cannot trace the scene, and where the
 /// one that is taken cannot honour a pin.
-pub fn select(asked: Option<BackendKind>, geometry: &Geometry, pins: Pins) -> Result<Choice> {
+pub fn select(
+    asked: Option<BackendKind>,
+    geometry: &Geometry,
+    fastest: impl FnOnce() -> Choice,
+    pins: Pins,
+) -> Result<Choice> {
     let choice = match asked {
-        None => fastest(geometry),
+        None => fastest(),
         Some(kind) => {
             if kind == BackendKind::Flat && !geometry.triangles.is_empty() && !kind.traces(geometry) {
                 return refuse("--backend", flat::LIMITS.into());
@@ -123,32 +130,77 @@ fn refuse<T>(option: &'static str, problem: String) -> Result<T> {
     Err(Error::Option { option, problem })
 }
 
-/// The fastest backend of this build for `geometry`.
-pub fn fastest(geometry: &Geometry) -> Choice {
-    if let Some(faces) = few_faces(geometry) {
-        return Choice { kind: BackendKind::Flat, reason: format!("faces: {faces}, at most {FLAT_FACES}") };
+/// The fastest backend of this build for `geometry`, by the work of rays from `view`.
+pub fn fastest(geometry: &Geometry, view: impl FnOnce() -> View) -> Choice {
+    let faces = few_faces(geometry);
+    if let Some(faces) = faces.filter(|&faces| faces <= FLAT_ALONE) {
+        return Choice { kind: BackendKind::Flat, reason: format!("faces: {faces}, at most {FLAT_ALONE}") };
     }
-    let first = BackendKind::available()[0];
-    let not = |reason: String| Choice { kind: first, reason };
-    let triangles = geometry.triangles.len();
-    if first == BackendKind::Embree && !DIVIDED_TRIANGLES.contains(&triangles) {
-        let (least, most) = DIVIDED_TRIANGLES.into_inner();
-        return not(format!("{triangles} triangles; flat+obvhs is tried from {least} to {most}"));
+    if geometry.triangles.len() > COUNTED_TRIANGLES {
+        return uncounted(geometry);
+    }
+    let counts = count::of(geometry, &view(), &DIVISION);
+    by_counts(&counts, faces)
+}
+
+/// Candidates of this build, the first of which wins ties, with their costs in visits of a node.
+pub fn candidates(counts: &Counts, faces: Option<usize>) -> Vec<(BackendKind, f64)> {
+    // Of the processor, not of what is pinned: a pin never changes the backend.
+    let weights = if detect::is_wide(None) { &weights::AVX512 } else { &weights::AVX2 };
+    let kinds = BackendKind::available().iter().copied().chain([BackendKind::Flat]);
+    kinds.filter_map(|kind| Some((kind, weights::cost(kind, counts, faces, weights)?))).collect()
+}
+
+/// The candidate of the least cost.
+fn by_counts(counts: &Counts, faces: Option<usize>) -> Choice {
+    let mut costs = candidates(counts, faces);
+    // Stable, so that the first wins.
+    costs.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let list: Vec<String> = costs.iter().map(|(kind, cost)| format!("{} {cost:.1}", kind.name())).collect();
+    let mut reason = format!("node visits a ray: {}; counted on {} rays", list.join(", "), counts.all_rays());
+    let visits = |visits: &[Visits; 3], rays: u64| {
+        let sum = count::sum(visits);
+        let per = |count: u64| count as f64 / rays.max(1) as f64;
+        let instances = match sum.instances {
+            0 => String::new(),
+            some => format!(" and {:.1} instances", per(some)),
+        };
+        format!("{:.1} nodes, {:.1} leaves{instances}", per(sum.nodes), per(sum.leaves))
+    };
+    let _ = write!(reason, ": {} in one hierarchy", visits(&counts.whole, counts.all_rays()));
+    if let Some(faces) = faces {
+        let _ = write!(reason, "; {faces} faces in all");
+    }
+    if let Some(divided) = &counts.divided {
+        let near = divided.near.iter().sum::<u64>();
+        let _ = write!(
+            reason,
+            "; or {} large faces, {} volumes, and for {:.0} % of the rays {} behind them",
+            divided.faces,
+            divided.volumes,
+            100.0 * near as f64 / counts.all_rays().max(1) as f64,
+            visits(&divided.rest, near)
+        );
+    }
+    Choice { kind: costs[0].0, reason }
+}
+
+/// What is taken where counting does not pay.
+fn uncounted(geometry: &Geometry) -> Choice {
+    let (first, triangles) = (BackendKind::available()[0], geometry.triangles.len());
+    let because = format!("{triangles} triangles, not counted beyond {COUNTED_TRIANGLES}");
+    if first == BackendKind::Embree {
+        return Choice { kind: first, reason: format!("{because}: it is built the fastest") };
     }
     let Some(division) = joint::divide(geometry, &DIVISION) else {
-        return not("no large faces around other things, so nothing for flat+obvhs".into());
+        return Choice { kind: first, reason: format!("{because}; no large faces around other things") };
     };
-    let (joint::Division { faces, near }, cost) = (division, cost(&division));
-    let figures = format!(
-        "large faces: {faces}, volumes around the rest: {:.0} % of the scene's surface; cost {cost:.2} of one \
-         hierarchy's",
-        100.0 * near
-    );
-    if cost <= DIVIDED_COST {
-        Choice { kind: BackendKind::FlatObvhs, reason: format!("{figures}, at most {DIVIDED_COST}") }
-    } else {
-        not(format!("{figures}; flat+obvhs is taken up to {DIVIDED_COST}"))
-    }
+    let cost = cost(&division);
+    let kind = if cost <= DIVIDED_COST { BackendKind::FlatObvhs } else { first };
+    let near = 100.0 * division.near;
+    let figures = format!("large faces: {}, volumes: {near:.0} % of the scene's surface", division.faces);
+    let reason = format!("{because}; {figures}; cost {cost:.2} of one hierarchy's, flat+obvhs up to {DIVIDED_COST}");
+    Choice { kind, reason }
 }
 
 /// What a ray costs in a divided scene, over what it costs in one hierarchy of everything.

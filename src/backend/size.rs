@@ -5,7 +5,7 @@
 //! and building takes 27 to 32 and 223 to 229 more.
 
 use super::BackendKind;
-use crate::scene::geometry::Geometry;
+use crate::scene::geometry::{Geometry, TriangleMesh};
 
 /// Bytes of a hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +19,10 @@ pub struct Size {
 /// What the backend `kind` takes over `geometry`.
 pub fn of(kind: BackendKind, geometry: &Geometry) -> Size {
     let triangles = geometry.meshes.iter().map(|mesh| mesh.indices.len() as u64).sum::<u64>();
-    let vertices = geometry.meshes.iter().map(|mesh| mesh.vertices.len() as u64).sum::<u64>();
+    let of_shapes = |mesh: &TriangleMesh| ((1 + mesh.later.len()) * mesh.vertices.len()) as u64;
+    let vertices = geometry.meshes.iter().map(of_shapes).sum::<u64>();
+    // Of meshes that change their shape, every triangle in every shape.
+    let triangles = triangles + geometry.later.len() as u64;
     let instances = geometry.instances.len() as u64;
     let (bytes, building) = match kind {
         BackendKind::Embree => ((12 + 64) * triangles + 12 * vertices + 1000 * instances, 30 * triangles + (4 << 20)),

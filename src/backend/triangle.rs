@@ -54,6 +54,12 @@ impl Ray {
     }
 }
 
+/// Corners of a triangle between two shapes of its mesh.
+#[inline(always)]
+pub(crate) fn between(from: &[Vec3; 3], to: &[Vec3; 3], fraction: f32) -> [Vec3; 3] {
+    [0, 1, 2].map(|corner| from[corner] + (to[corner] - from[corner]) * fraction)
+}
+
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TriangleHit {

@@ -8,6 +8,8 @@
 //! The same ratio in processor time stands beside it: time that other processes took from the threads is not in it, but
 //! neither is the time in which this render leaves a thread idle.
 
+use std::time::Instant;
+
 use rayon::ThreadPool;
 use serde::Serialize;
 
@@ -65,18 +67,22 @@ struct Pair {
     share: Option<f64>,
 }
 
-/// Renders and replays `pairs` times in turn. `best` traces the bare rays; `modes_bare` names its modes.
+/// Renders and replays `pairs` times in turn, or until the deadline, once at least. `best` traces the bare rays;
+/// `modes_bare` names its modes.
 pub fn measure(
     renderer: &Renderer,
     best: &dyn Backend,
     recording: &Recording,
     pool: &ThreadPool,
-    pairs: usize,
+    (pairs, deadline): (usize, Option<Instant>),
 ) -> Result<Frame> {
     let waves: Vec<_> = recording.waves.iter().map(Vec::as_slice).collect();
     let mut list = Vec::new();
     let mut last = None;
-    for _ in 0..pairs.max(1) {
+    for pair in 0..pairs.max(1) {
+        if pair > 0 && deadline.is_some_and(|deadline| Instant::now() > deadline) {
+            break;
+        }
         let (render, render_cpu) = timed(|| renderer.render());
         let render = render?;
         let (bare, bare_cpu) = timed(|| replay::replay(best, &waves, None, pool));

@@ -14,13 +14,17 @@ pub mod playback;
 pub mod rates;
 pub mod record;
 pub mod replay;
+pub mod suite;
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
 use crate::backend::{BackendKind, QueryMode, select};
 use crate::error::{Error, Result};
 use crate::machine::Processor;
-use crate::render::{RenderOptions, Renderer};
+use crate::render::{Progress, RenderOptions, Renderer};
 use crate::scene::Scene;
 use crate::setters::setters;
 use agree::{Agreement, DISTANCE_TOLERANCE};
@@ -39,15 +43,20 @@ pub struct BenchOptions {
     pub render: RenderOptions,
     /// Pairs of render and replay behind the frame figure, ≥ 1.
     pub pairs: usize,
+    /// Wall time for everything, about: less is measured as it needs.
+    pub time: Option<Duration>,
 }
 
 impl BenchOptions {
     /// Five pairs with the frame of these options.
     pub fn new(render: RenderOptions) -> Self {
-        BenchOptions { render, pairs: 5 }
+        BenchOptions { render, pairs: 5, time: None }
     }
 
-    setters! { pairs: = usize, }
+    setters! {
+        pairs: = usize,
+        time: into Option<Duration>,
+    }
 }
 
 /// Everything that was measured; what `bench --json` prints.
@@ -149,8 +158,15 @@ pub struct Skipped {
 /// Those of [`Renderer::new`]; [`Error::Option`] for a scene too large for its backend; [`Error::Backend`] when two
 /// query modes of one backend do not agree.
 pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) -> Result<Report> {
+    let start = Instant::now();
+    let mut renderer = Renderer::new(scene, options.render.clone())?;
+    if let Some(time) = options.time {
+        step("looking for samples that fit into the time");
+        let spp = samples_within(&renderer, time.mul_f64(0.5 / (options.pairs.max(1) + 2) as f64))?;
+        let render = RenderOptions { spp: Some(spp), ..options.render.clone() };
+        renderer.retarget(&render)?;
+    }
     step("recording the rays of a frame");
-    let renderer = Renderer::new(scene, options.render.clone())?;
     let plan = renderer.plan();
     if let Some(why) = rates::refusal(plan.backend, renderer.geometry()) {
         return Err(Error::Option { option: "--backend", problem: format!("{}: {why}", plan.backend.name()) });
@@ -173,12 +189,18 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
             skipped.push(Skipped { name: kind.name(), why });
             continue;
         }
+        if !backends.is_empty() && options.time.is_some_and(|time| start.elapsed() > time / 2) {
+            skipped.push(Skipped { name: kind.name(), why: "no time was left for it (--time)".into() });
+            continue;
+        }
         step(&format!("validating and timing {}", kind.name()));
         backends.push((kind, rates::measure(kind, &setup)?));
     }
 
     step("timing the frame against its bare rays");
-    let frame = frame_figure(&renderer, &backends, &recording, &pools[pools.len() - 1], options.pairs)?;
+    let deadline = options.time.and_then(|time| start.checked_add(time));
+    let pairs = (options.pairs, deadline);
+    let frame = frame_figure(&renderer, &backends, &recording, &pools[pools.len() - 1], pairs)?;
     let elsewhere = backends[1..].iter().map(|(_, rates)| elsewhere(rates, &frame)).collect();
     let agreement = agreement(&backends, &renderer, &recording);
     let processor = Processor::detect();
@@ -192,6 +214,15 @@ pub fn run(scene: &Scene, options: &BenchOptions, mut step: impl FnMut(&str)) ->
         skipped,
         pathspace: env!("CARGO_PKG_VERSION"),
     })
+}
+
+/// Samples of a frame that take about this time: those that were asked for, or a power of two.
+fn samples_within(renderer: &Renderer, time: Duration) -> Result<u64> {
+    let is_late = |progress: &Progress| progress.elapsed >= time;
+    let frame = renderer
+        .render_with(|progress| if is_late(progress) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })?;
+    let spp = frame.film.spp();
+    Ok(if spp.min == spp.max { spp.max } else { 1 << (spp.mean.max(1.0) as u64).ilog2() })
 }
 
 /// Holds every backend to the first, on rays that both have traced.
@@ -230,7 +261,7 @@ fn frame_figure(
     backends: &[(BackendKind, BackendRates)],
     recording: &Recording,
     pool: &rayon::ThreadPool,
-    pairs: usize,
+    pairs: (usize, Option<Instant>),
 ) -> Result<Frame> {
     let plan = renderer.plan();
     let threads = pool.current_num_threads();

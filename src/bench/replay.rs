@@ -5,7 +5,6 @@
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
 
 use rayon::ThreadPool;
 
@@ -13,7 +12,7 @@ use super::record::{Batch, RayClass};
 use crate::backend::Backend;
 use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayBlock, RayHitBlock};
 use crate::error::{Error, Result};
-use crate::machine;
+use crate::machine::{self, Clock};
 
 /// Rays that were traced and the time it took, by class; times are sums over threads, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -87,6 +86,17 @@ impl Columns {
 
 /// Traces the batches of `waves` whose class is `only` (or all) on every thread of `pool`.
 pub fn replay(backend: &dyn Backend, waves: &[&[Batch]], only: Option<RayClass>, pool: &ThreadPool) -> Bare {
+    replay_by(Clock::Wall, backend, waves, only, pool)
+}
+
+/// As [`replay`], by a clock.
+pub fn replay_by(
+    clock: Clock,
+    backend: &dyn Backend,
+    waves: &[&[Batch]],
+    only: Option<RayClass>,
+    pool: &ThreadPool,
+) -> Bare {
     let next = AtomicUsize::new(0);
     let total = Mutex::new(Bare::default());
     pool.broadcast(|_| {
@@ -94,11 +104,11 @@ pub fn replay(backend: &dyn Backend, waves: &[&[Batch]], only: Option<RayClass>,
         let mut bare = Bare::default();
         while let Some(wave) = waves.get(next.fetch_add(1, Ordering::Relaxed)) {
             for batch in wave.iter().filter(|batch| only.is_none_or(|class| class == batch.class)) {
-                let begin = Instant::now();
+                let begin = clock.now();
                 columns.load(batch);
-                let loaded = Instant::now();
+                let loaded = clock.now();
                 columns.trace(backend, batch);
-                let traced = Instant::now();
+                let traced = clock.now();
                 bare.rays[batch.class as usize] += batch.len as u64;
                 bare.seconds[batch.class as usize] += (traced - loaded).as_secs_f64();
                 bare.copy_seconds += (loaded - begin).as_secs_f64();

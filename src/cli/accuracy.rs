@@ -59,7 +59,8 @@ pub fn run(args: &AccuracyArgs) -> Result<u8> {
     ));
 
     signals.defer();
-    let request = Request { base, budget: args.budget, full: args.full, reference, load_s };
+    let AccuracyArgs { budget, effects, classes, .. } = *args;
+    let request = Request { base, budget, full: args.full, effects, reference, classes, load_s };
     let mut shown = String::new();
     let study = measure::run(scene, &request, started, &mut |step: &Step| {
         if step.what != shown {
@@ -97,13 +98,19 @@ fn setup(
         threads,
         cpu: Processor::detect().name,
         backend,
-        options: settings::describe(base),
+        options: settings::describe(base) + &without(&args.settings.without),
         load: load_per_processor(),
         budget_s: request.budget.as_secs_f64(),
         seconds: study.seconds,
         fixed_s: study.fixed_s,
         seeds: [base.seed, base.seed.wrapping_add(1), measure::reference_seed(base.seed)],
+        price_per_core_hour: args.price_per_core_hour,
     }
+}
+
+/// What is left out, in the spelling of the command line.
+fn without(names: &[String]) -> String {
+    if names.is_empty() { String::new() } else { format!(" --without {}", names.join(",")) }
 }
 
 fn backend_text(info: &BackendInfo) -> String {

@@ -8,18 +8,21 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+use super::denoising::DenoiseArgs;
+use super::exr::ExrArgs;
 use super::farm::FarmArgs;
 use super::live::args::{DEFAULT_ADDRESS, LiveArgs};
 use super::looks::{LookArgs, ViewArgs};
 use super::merge::MergeArgs;
 use super::production::{ProductionArgs, SequenceArgs};
-use super::units;
+use super::units::{self, Found};
 use crate::backend::{BackendKind, QueryMode};
 use crate::error::{Error, Result};
 use crate::film::filter::FilterKind;
 use crate::film::layer::LAYERS;
 use crate::plan::Aov;
-use crate::plan::options::ROULETTE_START;
+use crate::plan::light_groups::LightGroup;
+use crate::plan::options::{Backfaces, ROULETTE_START};
 use crate::render::{Crop, Fog};
 use crate::sampler::SamplerKind;
 use crate::scene::Shutter;
@@ -27,7 +30,7 @@ use crate::texture::load as loading;
 
 /// Path tracing of glTF 2.0 scenes to OpenEXR on the CPU.
 #[derive(Debug, Parser)]
-#[command(name = "pathspace", version, propagate_version = true, after_help = EXIT_CODES)]
+#[command(name = "pathspace", version, propagate_version = true, before_help = FIRST_LOOK, after_help = EXIT_CODES)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -148,6 +151,10 @@ fn with_command(mut words: Vec<OsString>) -> Vec<OsString> {
     words
 }
 
+const FIRST_LOOK: &str = "\
+Without a command, `pathspace SCENE` renders a first look in about 10 s: SCENE.png and SCENE.exr in this folder. \
+Options of `render` may follow.";
+
 const EXIT_CODES: &str = "\
 Exit codes: 0 done and target met; 1 input/output or internal error; 2 usage; 3 stopped by time or samples before the \
 error target; 4 scene invalid or a required extension unsupported; 5 non-finite samples; 128+n on signal n (what was \
@@ -223,6 +230,9 @@ pub struct RenderArgs {
     /// given besides holds
     #[arg(long, help_heading = "Output")]
     pub quick: bool,
+    /// Draw the finished picture in the terminal as well, in half blocks of 24-bit colour
+    #[arg(long, help_heading = "Output")]
+    pub show: bool,
     /// Make the folders of outputs where they are missing
     #[arg(long, alias = "make-output-path", help_heading = "Output")]
     pub make_path: bool,
@@ -237,12 +247,23 @@ pub struct RenderArgs {
         help_heading = "Output"
     )]
     pub aov: Vec<Aov>,
+    /// Put the lamps whose names fit PATTERN into light group NAME, and write a layer lightgroup_NAME for each group;
+    /// may be repeated, the first that fits counts. `*` is any text, `?` any character; `environment` is a name, too.
+    /// Adds to what the nodes of the scene say, and implies --aov lightgroups
+    #[arg(long, value_name = "NAME=PATTERN", help_heading = "Output")]
+    pub light_group: Vec<LightGroup>,
     /// Write R, G, B and A of the EXR in 16 bits: half the size, rounded to 1 part in 2048, at most 65504
     #[arg(long, help_heading = "Output")]
     pub half: bool,
     /// Leave the clock out of the EXR: equal renders are then equal files, byte for byte, on any number of threads
     #[arg(long, help_heading = "Output")]
     pub reproducible: bool,
+    /// What the EXR is like.
+    #[command(flatten)]
+    pub exr: ExrArgs,
+    /// What denoisers want.
+    #[command(flatten)]
+    pub denoise: DenoiseArgs,
     /// Write statistics as JSON; - for stdout
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     pub stats: Option<PathBuf>,
@@ -261,7 +282,7 @@ pub struct RenderArgs {
     /// Stop at N samples per pixel [default without any limit: 64]
     #[arg(
         short = 's', long, visible_alias = "samples", value_name = "N",
-        value_parser = clap::value_parser!(u64).range(1..), help_heading = "Stopping"
+        value_parser = units::samples, help_heading = "Stopping"
     )]
     pub spp: Option<u64>,
     /// Stop after this wall time of rendering: 90s, 10m, 1h30m
@@ -280,10 +301,9 @@ pub struct RenderArgs {
     /// Write no picture: list what each sample of this pixel of the full picture gave (--spp of them), the largest
     /// marked
     #[arg(long, value_name = "X,Y", value_parser = units::pixel, help_heading = "Replay", conflicts_with_all = [
-        "preview", "serve", "display_server", "output", "png", "jpg", "quick", "exposure", "tone_map", "transparent",
-        "background", "make_path", "aov",
-        "half", "reproducible", "stats", "report", "reference", "error_log", "time", "error",
-        "crop", "progress",
+        "preview", "serve", "display_server", "show", "output", "png", "jpg", "quick", "exposure", "tone_map",
+        "transparent", "background", "make_path", "aov", "half", "reproducible", "pass_names", "colorspace", "stats",
+        "report", "reference", "error_log", "time", "error", "crop", "progress", "denoiser_layers", "denoise",
     ])]
     pub pixel: Option<(u32, u32)>,
     /// Tell the path of this one sample, from 0, vertex by vertex: positions, normals, lobes, densities, weights,
@@ -338,7 +358,7 @@ pub struct ViewerArgs {
     /// Samples per pixel after which a view is complete
     #[arg(
         short = 's', long, visible_alias = "samples", value_name = "N", default_value_t = 4096,
-        value_parser = clap::value_parser!(u64).range(1..)
+        value_parser = units::samples
     )]
     pub spp: u64,
     /// Print errors only
@@ -419,6 +439,13 @@ pub struct SettingsArgs {
     #[arg(long, value_enum, ignore_case = true, default_value = "on", help_heading = "Textures")]
     pub fold_normals: Switch,
 
+    /// Give back what rough metals and glass lose to light that their facets scatter more than once, up to two thirds
+    #[arg(long, value_enum, ignore_case = true, default_value = "off", help_heading = "Light transport")]
+    pub multiscatter: Switch,
+    /// Who meets the backs of surfaces that are not doubleSided: every ray (show), every ray but the camera's (hide),
+    /// or none (hide-all)
+    #[arg(long, value_enum, ignore_case = true, default_value = "show", help_heading = "Light transport")]
+    pub backfaces: BackfacesName,
     /// Longest path in edges; 1 shows emitters only
     #[arg(
         long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536),
@@ -437,11 +464,29 @@ pub struct SettingsArgs {
     /// Combine light and BSDF sampling by the power heuristic (mis), the balance heuristic, or use one alone
     #[arg(long, value_enum, ignore_case = true, default_value = "mis", help_heading = "Light transport")]
     pub strategy: StrategyName,
+    /// How light is found: auto, or a list of bsdf, light, guide and light-paths; light-paths:0.25 says how many for
+    /// each sample
+    ///
+    /// Light paths start at the lights, are aimed at mirrors, glass and smooth metal, and are connected with the
+    /// camera. A guide learns before the first sample from where light comes, and is mixed with bsdf. auto takes both
+    /// where they pay. Alone, light-paths leaves to them what they can find, and to the others the
+    /// rest.
+    #[arg(
+        long, value_name = "LIST", default_value = "auto", conflicts_with = "strategy",
+        value_parser = units::techniques,
+        help_heading = "Light transport"
+    )]
+    pub techniques: Found,
     /// Random numbers: Owen-scrambled Sobol points, or independent
     #[arg(
         long, ignore_case = true, default_value = "sobol", value_parser = samplers(), help_heading = "Light transport"
     )]
     pub sampler: SamplerKind,
+    /// Leave effects out that the scene calls for, by the names that `info` lists: normal-maps, clearcoat, lens, …; or
+    /// depth:N for paths of more than N edges, lamp:PATTERN for lamps, technique:NAME for a way of finding light. Each
+    /// effect is an entry of the ledger of biases; `accuracy --effects` measures what they cost
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',', help_heading = "Light transport")]
+    pub without: Vec<String>,
     /// Seed of every random number
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Light transport")]
     pub seed: u64,
@@ -452,8 +497,7 @@ pub struct SettingsArgs {
         help_heading = "Machine"
     )]
     pub threads: Option<u32>,
-    /// Ray backend [default: the fastest for the scene: flat for at most 64 faces, flat+obvhs for rooms with large
-    /// meshes in them, else the first of this build]
+    /// Ray backend [default: the one whose work for the scene's own rays counts least; `info` tells which, and why]
     #[arg(long, value_parser = backend_parser(), ignore_case = true, help_heading = "Machine")]
     pub backend: Option<BackendKind>,
     /// How rays are handed to the backend; auto lets the plan choose for each class of rays. Only embree knows more
@@ -594,6 +638,24 @@ pub struct InfoArgs {
     /// Extra channels as `render` takes them, to see what they add to the plan
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov_parser())]
     pub aov: Vec<Aov>,
+    /// Light groups as `render` takes them
+    #[arg(long, value_name = "NAME=PATTERN")]
+    pub light_group: Vec<LightGroup>,
+}
+
+/// The layers of `--aov`, and those that light groups imply.
+pub fn layers_of(aov: &[Aov], groups: &[LightGroup]) -> Vec<Aov> {
+    let implied = Some(Aov::LIGHT_GROUPS).filter(|layer| !groups.is_empty() && !aov.contains(layer));
+    aov.iter().copied().chain(implied).collect()
+}
+
+impl RenderArgs {
+    /// The layers that the picture has.
+    pub fn layers(&self) -> Vec<Aov> {
+        let mut layers = layers_of(&self.aov, &self.light_group);
+        layers.extend(self.denoise.layers(&self.aov));
+        layers
+    }
 }
 
 /// `compare`.
@@ -665,6 +727,9 @@ pub struct VerifyArgs {
     /// Samples of the path tracer for each pixel
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u64).range(2..=1 << 24))]
     pub spp: u64,
+    /// Wall time for everything: the path tracer takes as many samples as fit, up to --spp
+    #[arg(long, value_name = "DURATION", value_parser = units::duration)]
+    pub time: Option<Duration>,
     /// Columns of the picture that both look at, pixels; rows follow from the aspect
     #[arg(long, value_name = "W", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1024))]
     pub width: u32,
@@ -698,11 +763,20 @@ others (a mode that disagrees is an error), then against the clock, with one thr
 Tracing efficiency = (time of the frame's rays traced bare, each class in its best mode) / (time of the \
 render). Render \
 and replay alternate; the figure is the median over the pairs.\n\
-Example: pathspace bench scene.gltf -o rates.svg"
+With --suite, scenes made in code and the given files instead: each backend that is fit for one traces the rays of a \
+small frame, in turn with the others; the table has processor times over the fastest, and what a render takes.\n\
+Examples: pathspace bench scene.gltf -o rates.svg; pathspace bench --suite -t 2 -o heat.svg"
 )]
 pub struct BenchArgs {
-    /// Scene, .gltf or .glb
-    pub scene: PathBuf,
+    /// Scene, .gltf or .glb; with --suite any number
+    #[arg(value_name = "SCENE", required_unless_present = "suite")]
+    pub scenes: Vec<PathBuf>,
+    /// Compare the backends on a suite of scenes
+    #[arg(long, help_heading = "Suite")]
+    pub suite: bool,
+    /// Scenes of the suite up to so many triangles; 10000000 for all, 0 for the given files alone
+    #[arg(long, value_name = "N", default_value_t = 2_000_000, requires = "suite", help_heading = "Suite")]
+    pub suite_triangles: u64,
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,
@@ -713,12 +787,12 @@ pub struct BenchArgs {
     #[arg(short, long, help_heading = "Output")]
     pub quiet: bool,
 
-    /// Samples per pixel of the frame
+    /// Samples per pixel of the frame [default: 64; of the suite's, 2]
     #[arg(
-        long, visible_alias = "samples", value_name = "N", default_value_t = 64,
-        value_parser = clap::value_parser!(u64).range(1..=65536), help_heading = "Frame"
+        long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u64).range(1..=65536),
+        help_heading = "Frame"
     )]
-    pub spp: u64,
+    pub spp: Option<u64>,
     /// Pairs of render and replay behind the tracing efficiency
     #[arg(
         long, value_name = "N", default_value_t = 5,
@@ -726,6 +800,9 @@ pub struct BenchArgs {
         help_heading = "Frame"
     )]
     pub pairs: usize,
+    /// Wall time for everything, about: the frame gets fewer samples and pairs, and backends are left out, as it needs
+    #[arg(long, value_name = "DURATION", value_parser = units::duration, help_heading = "Frame")]
+    pub time: Option<Duration>,
 
     /// The same as of a render.
     #[command(flatten)]
@@ -762,9 +839,23 @@ pub struct AccuracyArgs {
     /// Folder for report.html, report.json and report.csv; made if missing [default: no files]
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Price of a core for an hour, in any money: the report says what pictures cost
+    #[arg(long, value_name = "PRICE", value_parser = units::price)]
+    pub price_per_core_hour: Option<f64>,
     /// Every combination of strategy, sampler, roulette and backend instead of one change at a time
     #[arg(long)]
     pub full: bool,
+    /// Also say where the noise comes from, by class of path (direct, caustic, seen through glass, …) and by length:
+    /// replays this many paths, on top of the budget [default where no number is given: 262144]
+    #[arg(
+        long, value_name = "PATHS", num_args = 0..=1, require_equals = true, default_missing_value = "262144",
+        value_parser = clap::value_parser!(u64).range(1024..=1 << 24)
+    )]
+    pub classes: Option<u64>,
+    /// The price of every effect that the scene calls for, of techniques, lamps and lengths of paths, in the place of
+    /// the other tables: the share of the time to equal error that it takes, and the error of the picture without it
+    #[arg(long, conflicts_with_all = ["full", "reference"])]
+    pub effects: bool,
     /// Print no progress and no warnings
     #[arg(short, long)]
     pub quiet: bool,
@@ -806,6 +897,27 @@ pub enum TextureFilterName {
     Trilinear,
 }
 
+/// Values of `--backfaces`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BackfacesName {
+    /// They are there
+    Show,
+    /// Camera rays pass them
+    Hide,
+    /// All rays pass them
+    HideAll,
+}
+
+impl From<BackfacesName> for Backfaces {
+    fn from(name: BackfacesName) -> Self {
+        match name {
+            BackfacesName::Show => Backfaces::Show,
+            BackfacesName::Hide => Backfaces::Hide,
+            BackfacesName::HideAll => Backfaces::HideAll,
+        }
+    }
+}
+
 /// Values of `--sampler`.
 fn samplers() -> impl TypedValueParser<Value = SamplerKind> {
     let value = |kind: SamplerKind| PossibleValue::new(kind.name()).help(kind.about());
@@ -844,7 +956,7 @@ fn filter_parser() -> impl TypedValueParser<Value = FilterKind> {
 }
 
 /// Other names of layers: what they are called elsewhere.
-const LAYER_ALIASES: [(&str, Aov); 8] = [
+const LAYER_ALIASES: [(&str, Aov); 9] = [
     ("depth", Aov::DEPTH),
     ("normal", Aov::NORMAL),
     ("normals", Aov::NORMAL),
@@ -853,6 +965,7 @@ const LAYER_ALIASES: [(&str, Aov); 8] = [
     ("uvs", Aov::UV),
     ("alpha", Aov::COVERAGE),
     ("basecolor", Aov::ALBEDO),
+    ("vector", Aov::MOTION),
 ];
 
 fn aov_parser() -> impl TypedValueParser<Value = Aov> {

@@ -7,6 +7,7 @@ use super::args::BenchArgs;
 use super::job::{self, Fallback};
 use super::output::{EXIT_OK, print, to_json};
 use super::report::{Verbosity, bytes, count};
+use super::suite;
 use super::waiting::Waiting;
 use crate::bench::agree::Agreement;
 use crate::bench::rates::BackendRates;
@@ -19,6 +20,9 @@ use crate::render::RenderOptions;
 /// Share of the processor time below which the table says that the machine was busy.
 const BUSY: f64 = 0.9;
 
+/// Samples per pixel of the frame, unless the command line says otherwise.
+const SPP: u64 = 64;
+
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<u8> {
     if let Some(path) = &args.output {
@@ -30,14 +34,21 @@ pub fn run(args: &BenchArgs) -> Result<u8> {
     }
     job::check(&args.settings)?;
     let verbosity = Verbosity::of(args.quiet, false);
+    if args.suite {
+        return suite::run(args, verbosity);
+    }
+    let [path] = args.scenes.as_slice() else {
+        let problem = format!("{} scenes; several are for --suite", args.scenes.len());
+        return Err(Error::Option { option: "SCENE", problem });
+    };
     let waiting = Waiting::begin(verbosity, "loading");
-    let scene = job::load(&args.scene, &args.settings, Fallback::White)?;
+    let scene = job::load(path, &args.settings, Fallback::White)?;
     drop(waiting);
     verbosity.warnings(&scene.warnings);
 
-    let render = RenderOptions { spp: Some(args.spp), ..job::settings(&args.settings, &scene) };
+    let render = RenderOptions { spp: Some(args.spp.unwrap_or(SPP)), ..job::settings(&args.settings, &scene) };
     render.check_memory()?;
-    let options = BenchOptions::new(render).pairs(args.pairs);
+    let options = BenchOptions::new(render).pairs(args.pairs).time(args.time);
     let report = bench::run(&scene, &options, |step| verbosity.note(format_args!("{step} …")))?;
 
     if let Some(path) = &args.output {

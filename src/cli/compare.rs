@@ -106,6 +106,9 @@ fn compare(args: &CompareArgs, image: &Picture, reference: &Picture) -> Result<u
         }
     }
     print(&if args.json { to_json(&found) } else { text(&found) })?;
+    for path in args.output.iter().chain(&args.html) {
+        stderr_line(format_args!("wrote {}", path.display()));
+    }
     Ok(match found.verdict {
         Verdict::Ok => 0,
         Verdict::Warning => 1,

@@ -6,6 +6,7 @@ use super::output::{EXIT_OK, print};
 use super::report;
 use crate::backend::{self, BackendInfo, BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
+use crate::film::oidn::Oidn;
 use crate::machine::{self, Processor};
 use crate::scene::geometry::Geometry;
 
@@ -37,6 +38,11 @@ pub fn run() -> Result<u8> {
     }
 
     lines.push(format!("images      {}", images()));
+    lines.push(match Oidn::open(None, 1) {
+        Ok(filter) => format!("denoising   {filter} ({})", filter.file().display()),
+        Err(Error::Backend { problem, .. }) => format!("denoising   not there: {problem}"),
+        Err(error) => format!("denoising   not there: {error}"),
+    });
 
     let missing = cpu.missing();
     if !missing.is_empty() {

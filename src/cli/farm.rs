@@ -6,6 +6,9 @@
 //! * OpenJD: `template.json`, a job bundle with a step that renders and one that merges. The last command of a task is
 //!   the render itself, because cancelation reaches that process alone.
 //!
+//! What a merge writes it is asked for: half floats, previews, statistics. States of frames go when the frames are
+//! there.
+//!
 //! Source: sbatch(1) of Slurm 22.05; Open Job Description 2023-09.
 
 use std::fs;
@@ -23,8 +26,19 @@ use crate::film::atomic::write_atomically;
 /// Longest list of a task parameter that an OpenJD template may have.
 const MOST_LISTED: usize = 1024;
 
-/// Options of renders that name a file of each frame.
-const NAMING_FILES: [&str; 5] = ["--png", "--jpg", "--jpeg", "--stats", "--report"];
+/// Options that name a file to write, one for each frame.
+const OUTPUTS: [&str; 5] = ["--png", "--jpg", "--jpeg", "--stats", "--report"];
+
+/// Options that name a file to read.
+const INPUTS: [&str; 2] = ["--env", "--reference"];
+
+/// Options of the picture that a merge takes, because a part is none: flags, and those with a value.
+const MERGED_FLAGS: [&str; 2] = ["--half", "--reproducible"];
+const MERGED: [&str; 5] = ["--png", "--stats", "--exposure", "--pass-names", "--colorspace"];
+
+/// Those that a merge does not know.
+const NOT_MERGED: [&str; 9] =
+    ["-o", "--output", "--jpg", "--jpeg", "--report", "--preview", "--tone-map", "--transparent", "--background"];
 
 /// Seconds between the warning and the end of a task.
 const NOTICE_SECONDS: u32 = 120;
@@ -89,15 +103,22 @@ impl FarmArgs {
     pub fn words(&self) -> Vec<String> {
         let part = self.frames.as_ref().map_or("0..1".into(), |frames| frames.0[0].to_string());
         let (scene, output) = (self.scene.to_string_lossy(), self.output.to_string_lossy());
-        self.task(str::to_owned, ["pathspace", &scene, &output], [&part, "state", "--resume", "state"])
+        let files = ["pathspace", &scene, &output];
+        self.task(str::to_owned, files, &self.options, [&part, "state", "--resume", "state"])
     }
 
     /// The words of a task's render of `[program, scene, output]`. A shell expands the part, where its state is and how
     /// it goes on from there; `word` spells all else.
-    fn task(&self, word: impl Fn(&str) -> String, files: [&str; 3], part: [&str; 4]) -> Vec<String> {
+    fn task(
+        &self,
+        word: impl Fn(&str) -> String,
+        files: [&str; 3],
+        options: &[String],
+        part: [&str; 4],
+    ) -> Vec<String> {
         let ([program, scene, output], [part, state, resume @ ..]) = (files.map(&word), part);
         let mut words = vec![program, "render".into(), scene];
-        words.extend(self.given().iter().map(|option| word(option)));
+        words.extend(options.iter().map(|option| word(option)));
         match self.frames {
             Some(_) => words.extend(["--frames", part, "--skip-existing", "-o", &output].map(String::from)),
             None => words.extend(["--sample-range", part].map(String::from)),
@@ -108,22 +129,40 @@ impl FarmArgs {
         words
     }
 
-    /// The options of every render. A task may have a single one of the frames and does not know of the others: their
-    /// files are told apart here.
-    fn given(&self) -> Vec<String> {
-        let mut value_follows = false;
-        let option = |option: &String| {
-            let (name, value) = option.split_once('=').unwrap_or((option.as_str(), ""));
-            let names_file = NAMING_FILES.contains(&name);
-            match std::mem::replace(&mut value_follows, names_file && value.is_empty()) {
-                true => self.numbered(Path::new(option)).to_string_lossy().into_owned(),
-                false if names_file && !value.is_empty() => {
-                    format!("{name}={}", self.numbered(Path::new(value)).display())
-                }
-                false => option.clone(),
+    /// The options of every render and those of the merge. Engines run them in other folders, so files are named from
+    /// the root. A task may have a single one of the frames and does not know of the others: their files are told apart
+    /// here.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for what neither a part of a picture nor a merge knows.
+    fn shared(&self) -> Result<(Vec<String>, Vec<String>)> {
+        let (mut renders, mut merge) = (Vec::new(), Vec::new());
+        let mut options = self.options.iter();
+        while let Some(option) = options.next() {
+            let (name, inline) = match option.split_once('=') {
+                Some((name, value)) => (name, Some(value)),
+                None => (option.as_str(), None),
+            };
+            if self.frames.is_none() && NOT_MERGED.contains(&name) {
+                let problem = format!("{name}: a part is no picture, and a merge does not know the option");
+                return Err(Error::Option { option: "RENDER OPTIONS", problem });
             }
-        };
-        self.options.iter().map(option).collect()
+            let is_merged = self.frames.is_none() && (MERGED.contains(&name) || MERGED_FLAGS.contains(&name));
+            let words = if is_merged { &mut merge } else { &mut renders };
+            let names_file = OUTPUTS.contains(&name) || INPUTS.contains(&name);
+            if !(names_file || is_merged && MERGED.contains(&name)) {
+                words.push(option.clone());
+                continue;
+            }
+            words.push(name.into());
+            let Some(value) = inline.or_else(|| options.next().map(String::as_str)) else { continue };
+            words.push(match names_file {
+                true if OUTPUTS.contains(&name) => text(&absolute(&self.numbered(Path::new(value)))?)?,
+                true => text(&absolute(Path::new(value))?)?,
+                false => value.into(),
+            });
+        }
+        Ok((renders, merge))
     }
 
     /// A file's name with a place for the frame's number, where there are several.
@@ -151,6 +190,9 @@ struct Job<'j> {
     /// Folder of the job.
     folder: String,
     output: String,
+    /// Options of every render, and of the merge.
+    renders: Vec<String>,
+    merge: Vec<String>,
     /// Each task's samples (`0..32`) or frames (`1-25`).
     parts: Vec<String>,
 }
@@ -168,6 +210,7 @@ pub fn run(args: &FarmArgs) -> Result<u8> {
         let problem = format!("'{option}' cannot stand in a template");
         return Err(Error::Option { option: "RENDER OPTIONS", problem });
     }
+    let (renders, merge) = args.shared()?;
     fs::create_dir_all(args.job.join("parts")).map_err(|source| Error::io(&args.job, "make", source))?;
     fs::create_dir_all(args.job.join("logs")).map_err(|source| Error::io(&args.job, "make", source))?;
     let program = match &args.program {
@@ -180,6 +223,8 @@ pub fn run(args: &FarmArgs) -> Result<u8> {
         scene: text(&absolute(&args.scene)?)?,
         folder: text(&absolute(&args.job)?)?,
         output: text(&absolute(&args.numbered(&args.output))?)?,
+        renders,
+        merge,
         parts: match &args.frames {
             Some(frames) => frame_lists(&frames.0, args.tasks as usize),
             None => sample_ranges(args.spp.unwrap_or(1), args.tasks),
@@ -234,23 +279,29 @@ impl Job<'_> {
     /// its state is (`state`) and how it goes on from there (`resume`).
     fn render(&self) -> String {
         let files = [&self.program, &self.scene, &self.output].map(String::as_str);
-        let state = quoted(&format!("{}/parts/f.####.checkpoint", self.folder));
         let part = match self.args.frames {
-            Some(_) => ["\"$part\"", &state, "--resume", &state],
+            Some(_) => ["\"$part\"", "\"$state\"", "--resume", "\"$state\""],
             None => ["\"$part\"", "\"$state\"", "\"${resume[@]}\"", ""],
         };
-        self.args.task(quoted, files, part).join(" ")
+        self.args.task(quoted, files, &self.renders, part).join(" ")
     }
 
-    /// Sets `state` and `resume` of a part by samples that is called `name`; frames find their states by their number.
+    /// Sets `state`, and `resume` of a part by samples that is called `name`; frames find their states by their number.
     fn prepare(&self, name: &str) -> String {
+        let folder = quoted(&format!("{}/parts/", self.folder));
         match self.args.frames {
-            Some(_) => String::new(),
+            Some(_) => format!("state={folder}{name}.####.checkpoint\n"),
             None => format!(
-                "state={}{name}.part\nresume=(); if [ -f \"$state\" ]; then resume=(--resume \"$state\"); fi\n",
-                quoted(&format!("{}/parts/", self.folder))
+                "state={folder}{name}.part\nresume=(); if [ -f \"$state\" ]; then resume=(--resume \"$state\"); fi\n",
             ),
         }
+    }
+
+    /// The words of the merge of these parts.
+    fn merge(&self, parts: impl Iterator<Item = String>) -> Vec<String> {
+        let parts = parts.map(|part| format!("{}/parts/{part}.part", self.folder));
+        let words = ["merge".to_string()].into_iter().chain(parts).chain(self.merge.iter().cloned());
+        words.chain(["-o".into(), self.output.clone()]).collect()
     }
 
     fn write(&self, name: &str, content: &str) -> Result<()> {
@@ -266,6 +317,11 @@ impl Job<'_> {
         let logs = format!("{folder}/logs");
         let resume = self.prepare("\"$SLURM_ARRAY_TASK_ID\"");
         let render = self.render();
+        let done = match self.args.frames {
+            // Of frames that are there nothing is needed to go on from.
+            Some(_) => "if [ $rc -eq 0 ]; then rm -f \"${state%####.checkpoint}\"*.checkpoint; fi\n",
+            None => "",
+        };
         let array = format!(
             r#"#!/bin/bash
 #SBATCH --job-name=pathspace --array=0-{last} --cpus-per-task={cpus} --time={minutes}
@@ -278,23 +334,23 @@ trap 'kill -TERM $pid' TERM
 wait $pid; rc=$?                       # returns early when the trap runs
 while kill -0 $pid 2>/dev/null; do wait $pid; rc=$?; done
 if [ $rc -eq 143 ]; then
-  scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"; sleep 60
+  # Refused where Slurm has requeued it itself; else it waits to be ended.
+  scontrol requeue "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID" && sleep 60
 fi
-exit $rc
+{done}exit $rc
 "#
         );
         self.write("array.sh", &array)?;
         let mut submit =
             format!("#!/bin/bash\nset -e\njob=$(sbatch --parsable {})\n", quoted(&format!("{folder}/array.sh")));
+        submit.push_str("echo \"Submitted batch job $job\"\n");
         if self.args.frames.is_none() {
-            let part = |task: usize| quoted(&format!("{folder}/parts/{task}.part"));
-            let words: Vec<String> = (0..self.parts.len()).map(part).collect();
+            let words = self.merge((0..self.parts.len()).map(|task| task.to_string()));
+            let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
             let merge = format!(
-                "#!/bin/bash\n#SBATCH --job-name=pathspace-merge --output=\"{logs}/merge_%j.log\"\n\
-                 exec {} merge {} -o {}\n",
+                "#!/bin/bash\n#SBATCH --job-name=pathspace-merge --output=\"{logs}/merge_%j.log\"\nexec {} {}\n",
                 quoted(&self.program),
-                words.join(" "),
-                quoted(&self.output)
+                words.join(" ")
             );
             self.write("merge.sh", &merge)?;
             let merge = quoted(&format!("{folder}/merge.sh"));
@@ -335,18 +391,21 @@ exit $rc
                 "embeddedFiles": [{ "name": "Run", "type": "TEXT", "data": script }],
             },
         });
-        let mut steps = vec![render];
-        if self.args.frames.is_none() {
-            let first = |part: &String| part.split("..").next().unwrap_or_default().to_string();
-            let parts = self.parts.iter().map(|part| format!("{folder}/parts/{}.part", first(part)));
-            let words: Vec<String> =
-                ["merge".to_string()].into_iter().chain(parts).chain(["-o".into(), self.output.clone()]).collect();
-            steps.push(json!({
-                "name": "Merge",
-                "dependencies": [{ "dependsOn": "Render" }],
-                "script": { "actions": { "onRun": { "command": self.program, "args": words } } },
-            }));
-        }
+        let depends = json!([{ "dependsOn": "Render" }]);
+        let last = match self.args.frames {
+            None => {
+                let first = |part: &String| part.split("..").next().unwrap_or_default().to_string();
+                let on_run = json!({ "command": self.program, "args": self.merge(self.parts.iter().map(first)) });
+                json!({ "name": "Merge", "dependencies": depends, "script": { "actions": { "onRun": on_run } } })
+            }
+            // Of frames that are there nothing is needed to go on from.
+            Some(_) => {
+                let args = [&format!("{folder}/parts"), "-name", "*.checkpoint", "-delete"];
+                let on_run = json!({ "command": "find", "args": args });
+                json!({ "name": "Clean", "dependencies": depends, "script": { "actions": { "onRun": on_run } } })
+            }
+        };
+        let steps = [render, last];
         let template: Value =
             json!({ "specificationVersion": "jobtemplate-2023-09", "name": "pathspace", "steps": steps });
         let mut content = serde_json::to_string_pretty(&template).expect("a value is valid JSON");

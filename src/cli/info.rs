@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::args::InfoArgs;
+use super::args::{InfoArgs, layers_of};
 use super::job::{self, Fallback};
 use super::output::{EXIT_OK, print, to_json};
 use super::report::{Verbosity, duration};
@@ -63,7 +63,8 @@ pub fn run(args: &InfoArgs) -> Result<u8> {
     let waiting = Waiting::begin(Verbosity::Normal, "loading and building");
     job::check(&args.settings)?;
     let scene = &job::load(&args.scene, &args.settings, Fallback::White)?;
-    let options = job::settings(&args.settings, scene).aovs(args.aov.clone());
+    let layers = layers_of(&args.aov, &args.light_group);
+    let options = job::settings(&args.settings, scene).aovs(layers).light_groups(args.light_group.clone());
     let resolution = [options.width, options.height];
     let mut renderer = Renderer::new(scene, options.clone())?;
     drop(waiting);

@@ -17,10 +17,11 @@ use crate::error::{Error, Result};
 use crate::film::atomic::{check_writable, sweep};
 use crate::film::look::Format;
 use crate::input;
+use crate::plan::effects::without;
 use crate::plan::options::ROULETTE_START;
 use crate::plan::{Aov, Gate};
-use crate::render::{CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter};
-use crate::scene::{Budget, Decoder, Environment, EnvironmentFile, LoadOptions, MissingTexture, Scene};
+use crate::render::{Absent, CameraChoice, Lens, RenderOptions, Roulette, Strategy, TextureFilter, leave_out};
+use crate::scene::{Budget, Decoder, Environment, EnvironmentFile, LoadOptions, MissingTexture, Scene, Warning};
 
 /// A name that stands for stdin or stdout.
 pub const STREAM: &str = "-";
@@ -37,6 +38,8 @@ pub struct Outputs {
     pub previews: Vec<PathBuf>,
     /// Whether a preview goes to stdout, as PNG.
     pub stdout: bool,
+    /// Whether the picture is drawn in the terminal.
+    pub show: bool,
     /// Statistics; [`STREAM`] is stdout.
     pub stats: Option<PathBuf>,
     /// The page about the render.
@@ -101,14 +104,24 @@ impl Outputs {
         let picture = outputs.exr.as_deref().or(outputs.previews.first().map(PathBuf::as_path));
         outputs.checkpoint = args.production.checkpoint(picture)?;
         let shows_layers = outputs.exr.is_some() || outputs.checkpoint.is_some() || outputs.report.is_some();
-        if !shows_layers && !args.aov.is_empty() {
-            return refuse("--aov", "extra channels need an output that ends in .exr, or a --report".into());
+        // Previews show what is denoised.
+        let seen = args.denoise.denoise && outputs.has_previews();
+        let option = match (args.aov.is_empty(), args.light_group.is_empty()) {
+            (false, _) => Some("--aov"),
+            (true, false) => Some("--light-group"),
+            (true, true) => args.denoise.given().filter(|_| !seen),
+        };
+        if let Some(option) = option.filter(|_| !shows_layers) {
+            return refuse(option, "extra channels need an output that ends in .exr, or a --report".into());
         }
         if outputs.exr.is_none() && args.half {
             return refuse("--half", "it applies to OpenEXR only: the output must end in .exr".into());
         }
         if outputs.exr.is_none() && args.reproducible {
             return refuse("--reproducible", "it applies to OpenEXR only: the output must end in .exr".into());
+        }
+        if let Some(option) = args.exr.given().filter(|_| outputs.exr.is_none()) {
+            return refuse(option, "it applies to OpenEXR only: the output must end in .exr".into());
         }
         if let Some(aov) = args.aov.iter().enumerate().find_map(|(i, aov)| args.aov[..i].contains(aov).then_some(aov)) {
             return refuse("--aov", format!("'{}' is named twice", aov.name()));
@@ -126,8 +139,13 @@ impl Outputs {
         if outputs.stdout && std::io::stdout().is_terminal() {
             return refuse("--output", "stdout is a terminal, and a PNG is not for reading; redirect it".into());
         }
+        outputs.show = args.show;
+        if outputs.show && !std::io::stdout().is_terminal() {
+            return refuse("--show", "stdout is no terminal to draw in; --png FILE writes a picture".into());
+        }
         let to_stdout = [
             outputs.stdout,
+            outputs.show,
             outputs.stats.as_deref() == Some(Path::new(STREAM)),
             matches!(args.progress, ProgressKind::Ndjson | ProgressKind::Openjd),
         ];
@@ -158,10 +176,14 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// Takes the statistics of an earlier render away, which are not this one's, and what it left when it was killed.
-    /// Other files of that name stay until they are written over: the render may be refused because it reads them.
+    /// Takes away what earlier renders left that were killed on the way to these outputs.
+    pub fn sweep<'o>(all: impl IntoIterator<Item = &'o Outputs>) {
+        sweep(all.into_iter().flat_map(Outputs::files).map(|(_, path)| path.as_path()));
+    }
+
+    /// Takes the statistics of an earlier render away, which are not this one's. Other files of that name stay until
+    /// they are written over: the render may be refused because it reads them.
     pub fn forget(&self) {
-        self.files().for_each(|(_, path)| sweep(path));
         let Some(path) = self.stats.as_deref().filter(|path| *path != Path::new(STREAM)) else { return };
         let earlier = input::read(path).ok();
         let earlier = earlier.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
@@ -173,7 +195,7 @@ impl Outputs {
 
     /// Whether previews are made, in files of their own or in the page.
     pub fn has_previews(&self) -> bool {
-        self.stdout || !self.previews.is_empty() || self.preview.is_some() || self.report.is_some()
+        self.stdout || self.show || !self.previews.is_empty() || self.preview.is_some() || self.report.is_some()
     }
 
     /// The files with the options that name them.
@@ -193,6 +215,7 @@ impl Outputs {
             exr: self.exr.as_ref().map(file),
             previews: self.previews.iter().map(file).collect(),
             stdout: self.stdout,
+            show: self.show,
             stats: self.stats.as_ref().map(file),
             report: self.report.as_ref().map(file),
             error_log: self.error_log.as_ref().map(file),
@@ -334,17 +357,22 @@ fn query_mode(rays: Rays) -> Option<QueryMode> {
 pub fn load(path: &Path, settings: &SettingsArgs, fallback: Fallback) -> Result<Scene> {
     let mut scene =
         load_from(path, &settings.content, &settings.environment, settings.files, settings.textures, fallback)?;
-    look_from(settings, &mut scene)?;
+    prepare(settings, &mut scene, Absent::Refused)?;
     Ok(scene)
 }
 
-/// Puts the camera where `settings` say.
+/// Puts the camera of a loaded scene where `settings` say, and leaves out what they say.
 ///
 /// # Errors
-/// As [`ViewArgs::apply`](super::looks::ViewArgs::apply).
-pub fn look_from(settings: &SettingsArgs, scene: &mut Scene) -> Result<()> {
-    let choice = camera(settings, scene);
-    settings.view.apply(scene, &choice, sides(settings))
+/// As [`ViewArgs::apply`](super::looks::ViewArgs::apply) and [`leave_out`].
+pub fn prepare(args: &SettingsArgs, scene: &mut Scene, absent: Absent) -> Result<()> {
+    let choice = camera(args, scene);
+    args.view.apply(scene, &choice, sides(args))?;
+    if !args.without.is_empty() {
+        // What it changes of the options, `settings` changes again.
+        leave_out(scene, &mut settings(args, scene), &args.without, absent)?;
+    }
+    Ok(())
 }
 
 /// Columns and rows that were asked for.
@@ -411,9 +439,13 @@ pub fn wants_studio(scene: &Scene, environment: &EnvironmentArgs, fallback: Fall
     asked || (fallback == Fallback::Studio && !scene.has_light())
 }
 
-/// Lights a loaded scene by the studio, if it is `wanted`.
+/// Lights a loaded scene by the studio, if it is `wanted`; it is said where nobody asked for it.
 pub fn light_as(scene: &mut Scene, environment: &EnvironmentArgs, wanted: bool) {
     if wanted {
+        if environment.env.is_none() {
+            let what = "no light of any kind: lit by the studio that is built in (--env FILE: by another environment)";
+            scene.warnings.push(Warning { place: scene.file.display().to_string(), what: what.into() });
+        }
         let (rotation_rad, intensity) = (environment.env_rotation.to_radians(), environment.env_intensity);
         scene.environment = Some(Environment { rotation_rad, intensity, ..Environment::studio() });
     }
@@ -487,6 +519,8 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
         error: args.error,
         min_spp: args.min_spp,
         aovs: layers(args),
+        light_groups: args.light_group.clone(),
+        survey: args.production.survey.clone(),
         ..settings(&args.settings, scene)
     };
     if args.quick { quick::options(args, options) } else { options }
@@ -494,14 +528,15 @@ pub fn options(args: &RenderArgs, scene: &Scene) -> RenderOptions {
 
 /// Layers that the film gathers: those asked for, and what previews need.
 fn layers(args: &RenderArgs) -> Vec<Aov> {
-    let more = args.look.layers().iter().filter(|aov| !args.aov.contains(aov));
-    args.aov.iter().chain(more).copied().collect()
+    let layers = args.layers();
+    let more = args.look.layers().iter().filter(|aov| !layers.contains(aov));
+    layers.iter().chain(more).copied().collect()
 }
 
 /// What does not limit the render, settled against the scene.
 pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
     let (camera, (width, height)) = (camera(args, scene), sides(args));
-    RenderOptions {
+    let mut options = RenderOptions {
         crop: args.crop,
         seed: args.seed,
         threads: args.threads.map_or(0, |n| n as usize),
@@ -519,20 +554,27 @@ pub fn settings(args: &SettingsArgs, scene: &Scene) -> RenderOptions {
             StrategyName::MisBalance => Strategy::MIS_BALANCE,
             StrategyName::Bsdf => Strategy::BSDF,
             StrategyName::Light => Strategy::LIGHT,
-        },
+        }
+        .with(args.techniques.samples),
+        light_paths: args.techniques.light_paths,
+        guiding: args.techniques.guiding,
         sampler: args.sampler,
         texture_filter: match args.texture_filter {
             TextureFilterName::Exact => TextureFilter::Exact,
             TextureFilterName::Trilinear => TextureFilter::Trilinear,
         },
         fold_normals: args.fold_normals == Switch::On,
+        multiscatter: args.multiscatter == Switch::On,
+        backfaces: args.backfaces.into(),
         backend: args.backend,
         rays: query_mode(args.rays),
         isa: args.isa.clone(),
         forced: if args.no_plan { Gate::ALL.to_vec() } else { Vec::new() },
         robust: args.robust == Switch::On,
         ..RenderOptions::default().camera(camera).sized_for(scene, width, height)
-    }
+    };
+    without::settle(scene, &mut options);
+    options
 }
 
 fn extension(path: &Path) -> Option<String> {

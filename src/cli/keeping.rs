@@ -39,6 +39,15 @@ pub fn settle(options: &mut RenderOptions, args: &ProductionArgs, earlier: Optio
     }
 }
 
+/// A line about a state that has all samples already that are `asked` for.
+pub fn complete(asked: Option<u64>, earlier: &Checkpoint, path: &Path) -> Option<String> {
+    let (has, asked) = (earlier.render.samples(), asked?);
+    (has >= asked).then(|| {
+        let more = if has > asked { format!(", more than the {asked} asked for") } else { String::new() };
+        format!("{} has {has} samples per pixel already{more}: its picture is written as it is", path.display())
+    })
+}
+
 /// What belongs to the states of `renderer`, which goes on from `earlier`, read from that file; `None` where none is
 /// `saved` or read.
 ///
@@ -55,6 +64,8 @@ pub fn about(
     let mut about = About::of(renderer)?;
     let Some((earlier, path)) = earlier else { return Ok(Some(about)) };
     about.accepted.clone_from(&earlier.about.accepted);
+    // One that has more than it was asked for now is complete all the same.
+    about.goal.spp = about.goal.spp.map(|asked| asked.max(earlier.render.film.spp().min));
     for (name, there, here) in earlier.about.identity.differences(&about.identity) {
         if args.accept_different.contains(&name) {
             about.accepted.push_str(&format!("{name}: {there}, then {here}\n"));

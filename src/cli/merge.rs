@@ -7,15 +7,20 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 
+use super::denoising::Filtered;
+use super::exr::ExrArgs;
 use super::output::{EXIT_NONFINITE, EXIT_OK, to_json};
 use super::report::Verbosity;
 use super::units;
 use crate::error::{Error, Result};
 use crate::film::atomic::{check_writable, write_atomically};
 use crate::film::look::Look;
+use crate::film::oidn::Oidn;
 use crate::input;
+use crate::machine;
 use crate::render::identity::MAY_DIFFER;
 use crate::render::merge::{MergeOptions, Merged, merge};
+use crate::stats::denoise::DenoiseStats;
 
 /// `merge`.
 #[derive(Debug, Args)]
@@ -46,6 +51,15 @@ pub struct MergeArgs {
     /// Leave the clock out of the EXR
     #[arg(long)]
     pub reproducible: bool,
+    /// What the EXR is like.
+    #[command(flatten)]
+    pub exr: ExrArgs,
+    /// Filter the picture as `render --denoise` does, with the layers of --denoiser-layers if the parts have them
+    #[arg(long)]
+    pub denoise: bool,
+    /// Library of Open Image Denoise 2, or a folder that has it
+    #[arg(long, value_name = "PATH", requires = "denoise")]
+    pub oidn: Option<PathBuf>,
     /// Write what was joined as JSON: parts, samples, fingerprint of the film
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
@@ -77,6 +91,8 @@ struct Record {
     /// Of rendering the parts, all together, and of joining them.
     seconds_render: f64,
     seconds_merge: f64,
+    /// The filtered picture beside this one; `null` unless it was asked for.
+    denoised: Option<DenoiseStats>,
 }
 
 /// A part in the record.
@@ -94,27 +110,34 @@ pub fn run(args: &MergeArgs) -> Result<u8> {
     let start = Instant::now();
     let verbosity = Verbosity::of(args.quiet, false);
     let (exr, pngs) = outputs(args)?;
+    let filter = args.denoise.then(|| Oidn::open(args.oidn.as_deref(), machine::threads(0))).transpose()?;
     let options = MergeOptions { allow_gaps: args.allow_gaps, accept_different: args.accept_different.clone() };
     let merged = merge(&args.parts, &options)?;
     for gap in &merged.gaps {
         verbosity.note(format_args!("pathspace: warning: {gap}"));
     }
     let film = &merged.render.film;
+    let filtered = filter.map(|filter| Filtered::of(film, &filter)).transpose()?;
     if let Some(path) = exr {
         let exr = merged.about.exr_options(&merged.render).half(args.half).reproducible(args.reproducible);
+        let mut exr = args.exr.apply(exr);
+        filtered.iter().for_each(|filtered| filtered.add_to(&mut exr));
         film.write_exr(path, &exr)?;
     }
+    let look = Look::default().exposure_ev(args.exposure);
+    let look = filtered.as_ref().map_or(look.clone(), |filtered| filtered.shown_by(&look));
     for path in &pngs {
-        film.write_preview(path, &Look::default().exposure_ev(args.exposure))?;
+        film.write_preview(path, &look)?;
     }
-    let record = record(&merged, start.elapsed().as_secs_f64());
+    let mut record = record(&merged, start.elapsed().as_secs_f64());
+    record.denoised = filtered.map(|filtered| filtered.stats);
     if let Some(path) = &args.stats {
         write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&record).as_bytes()))?;
     }
     let ([w, h], spp) = (record.resolution, record.spp[0]);
-    for path in exr.into_iter().chain(pngs) {
-        verbosity.note(format_args!("wrote {} ({w}x{h}, {spp} spp of {} parts)", path.display(), merged.parts.len()));
-    }
+    let written = exr.into_iter().chain(pngs).chain(args.stats.as_deref());
+    let written = written.map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    verbosity.note(format_args!("wrote {written} ({w}x{h}, {spp} spp of {} parts)", merged.parts.len()));
     Ok(if record.nonfinite > 0 { EXIT_NONFINITE } else { EXIT_OK })
 }
 
@@ -128,8 +151,10 @@ fn outputs(args: &MergeArgs) -> Result<(Option<&Path>, Vec<&Path>)> {
     let refuse = |option, problem: String| Err(Error::Option { option, problem });
     if let Some(picture) = args.parts.iter().find(|path| is_picture(path)) {
         let problem =
-            "is a picture; parts are the states that `render --checkpoint` and `--sample-range` save beside it";
-        return refuse("PART", format!("{} {problem}", picture.display()));
+            "it is a picture, which has not kept the sums; render parts with --sample-range A..B and merge the \
+                       .checkpoint that each saves"
+                .into();
+        return Err(Error::Part { path: picture.clone(), problem });
     }
     let extension = |path: &Path| path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     let (mut exr, mut pngs) = (None, Vec::new());
@@ -146,6 +171,9 @@ fn outputs(args: &MergeArgs) -> Result<(Option<&Path>, Vec<&Path>)> {
     }
     if exr.is_none() && (args.half || args.reproducible) {
         return refuse("--half", "it and --reproducible apply to OpenEXR only: the output must end in .exr".into());
+    }
+    if let Some(option) = args.exr.given().filter(|_| exr.is_none()) {
+        return refuse(option, "it applies to OpenEXR only: the output must end in .exr".into());
     }
     let inputs: Vec<PathBuf> = args.parts.iter().filter_map(|path| path.canonicalize().ok()).collect();
     for path in exr.into_iter().chain(pngs.iter().copied()).chain(args.stats.as_deref()) {
@@ -178,5 +206,6 @@ fn record(merged: &Merged, seconds_merge: f64) -> Record {
         film_digest: format!("{:016x}", film.digest()),
         seconds_render: merged.render.render_time.as_secs_f64(),
         seconds_merge,
+        denoised: None,
     }
 }

@@ -10,6 +10,7 @@ use clap::{ArgGroup, Args};
 use super::frames::{self, Frames};
 use super::units::{self, ShutterAngle};
 use crate::error::{Error, Result};
+use crate::film::atomic::check_writable;
 use crate::render::identity::MAY_DIFFER;
 
 /// How often the state is saved where only a file is named.
@@ -26,7 +27,7 @@ pub struct ProductionArgs {
     )]
     pub checkpoint: Vec<PathBuf>,
     /// Go on from a saved state: to the limits given here, else to those that it was to come to. Size, seed and all
-    /// other settings must be the same
+    /// other settings must be the same. Unless --checkpoint names another file, the state is saved to this one
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pixel", "error_log"], help_heading = "Production")]
     pub resume: Option<PathBuf>,
     /// Go on although the state is of another instruction set or build: the picture is as right, but not the same in
@@ -43,6 +44,10 @@ pub struct ProductionArgs {
         help_heading = "Production"
     )]
     pub sample_range: Option<(u64, u64)>,
+    /// Keep what the survey of the scene says of light paths: it is read from FILE where that is there, else made and
+    /// written to it. A survey of another scene, view or setting is refused
+    #[arg(long, value_name = "FILE", help_heading = "Production")]
+    pub survey: Option<PathBuf>,
     /// Exit with 0 instead of 3 when time or samples end the render before its error target
     #[arg(long, requires = "error", help_heading = "Production")]
     pub best_effort: bool,
@@ -56,7 +61,7 @@ pub struct SequenceArgs {
     /// for the number, f.####.exr or f.%04d.exr; without one .0001 goes before the extension
     #[arg(
         long, value_name = "LIST", value_parser = frames::list, help_heading = "Frames",
-        conflicts_with_all = ["pixel", "at", "shutter", "error_log", "sample_range"]
+        conflicts_with_all = ["pixel", "at", "shutter", "error_log", "sample_range", "survey"]
     )]
     pub frames: Option<Frames>,
     /// Frames a second of the animations' time
@@ -92,7 +97,7 @@ pub struct SequenceArgs {
     /// Turn the camera once around the vertical axis through the scene's middle, in N frames from 1 on
     #[arg(
         long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000),
-        conflicts_with_all = ["pixel", "error_log", "sample_range"], help_heading = "Frames"
+        conflicts_with_all = ["pixel", "error_log", "sample_range", "survey"], help_heading = "Frames"
     )]
     pub turntable: Option<u32>,
 }
@@ -122,6 +127,7 @@ impl ProductionArgs {
         let refuse = |problem: &str| Err(Error::Option { option: "--checkpoint", problem: problem.into() });
         let duration = |path: &Path| path.to_str().and_then(|text| units::duration(text).ok());
         match &self.checkpoint[..] {
+            [] if self.resume.is_some() => Ok(self.resume.clone().filter(|file| may_replace(file)).map(|f| (EVERY, f))),
             // A part without its state is no part.
             [] => match (self.sample_range, output) {
                 (None, _) => Ok(None),
@@ -141,8 +147,15 @@ impl ProductionArgs {
     }
 }
 
+/// Whether a file may be written over: it and its folder are not read-only.
+fn may_replace(file: &Path) -> bool {
+    !std::fs::metadata(file).is_ok_and(|data| data.permissions().readonly()) && check_writable(file).is_ok()
+}
+
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     /// Oracle: written by hand.
@@ -163,5 +176,19 @@ mod tests {
         let beside = part.checkpoint(Some(Path::new("p.exr"))).map_err(|error| error.to_string());
         assert_eq!(beside, expected(60, "p.checkpoint"));
         assert!(part.checkpoint(None).is_err());
+        // A state is kept where it was, if it can be.
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let resumed = |name: &str| {
+            let resume = Some(folder.path().join(name));
+            ProductionArgs { resume, ..Default::default() }.checkpoint(Some(Path::new("a.exr"))).expect("settled")
+        };
+        assert_eq!(resumed("p.checkpoint"), Some((EVERY, folder.path().join("p.checkpoint"))));
+        assert_eq!(resumed("gone/p.checkpoint"), None);
+        let read_only = folder.path().join("r");
+        std::fs::write(&read_only, "").expect("a writable folder");
+        let permissions = std::fs::metadata(&read_only).expect("a file").permissions();
+        std::fs::set_permissions(&read_only, PermissionsExt::from_mode(permissions.mode() & 0o444))
+            .expect("an own file");
+        assert_eq!(resumed("r"), None);
     }
 }

@@ -8,10 +8,10 @@
 //! `{"type":"progress","t":12.3,"spp":64,"pct":25.0, "err":0.021,"target":0.01,"eta":40.1,"mrays":31.2}` (t and eta in
 //! seconds; err and target are relative RMSE, `null` when unknown or not asked for; mrays in 10⁶ rays a second), with
 //! an error target also `"predicted":{"seconds":52.4,"interval": [45.0,61.0],"spp":96}` of the whole render once the
-//! looks so far tell, then exactly one `completed` or `failed`; of a sequence, one `completed` for each frame that is
-//! rendered, and all lines of frames say which (`"frame":7`). It was asked for, so it goes to stdout.
-//! `--progress openjd` writes `openjd_progress: PERCENT` (of all frames) and `openjd_status: TEXT` there each second,
-//! and `openjd_fail: TEXT` where the command failed.
+//! looks so far tell (and in it `"at_least":true` where the tail leaves the lower ends alone), then exactly one
+//! `completed` or `failed`; of a sequence, one `completed` for each frame that is rendered, and all lines of frames say
+//! which (`"frame":7`). It was asked for, so it goes to stdout. `--progress openjd` writes `openjd_progress: PERCENT`
+//! (of all frames) and `openjd_status: TEXT` there each second, and `openjd_fail: TEXT` where the command failed.
 
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
@@ -103,6 +103,13 @@ struct PredictedLine {
     seconds: f64,
     interval: [f64; 2],
     spp: f64,
+    /// Only the lower end is to be relied on: the tail is not tame.
+    #[serde(skip_serializing_if = "is_false")]
+    at_least: bool,
+}
+
+fn is_false(flag: &bool) -> bool {
+    !flag
 }
 
 /// The last line of ndjson.
@@ -184,7 +191,10 @@ impl ProgressView {
             let error = err.map_or(String::new(), |err| format!(", error {:.2} %", 100.0 * err));
             let predicted = p.predicted.filter(|_| p.fraction < 1.0).map_or(String::new(), |p| {
                 let [low, high] = p.seconds_interval.map(clock);
-                format!(", {} expected ({low} to {high})", clock(p.seconds))
+                match p.caution() {
+                    Some(_) => format!(", at least {low} expected"),
+                    None => format!(", {} expected ({low} to {high})", clock(p.seconds)),
+                }
             });
             format!("{} spp{error}{predicted}, {mrays:.1} Mrays/s", p.spp)
         };
@@ -203,8 +213,12 @@ impl ProgressView {
             Display::Ndjson { last } => {
                 *last = Some(p.elapsed);
                 let pct = (1000.0 * p.fraction).round() / 10.0;
-                let predicted =
-                    p.predicted.map(|p| PredictedLine { seconds: p.seconds, interval: p.seconds_interval, spp: p.spp });
+                let predicted = p.predicted.map(|p| PredictedLine {
+                    seconds: p.seconds,
+                    interval: p.seconds_interval,
+                    spp: p.spp,
+                    at_least: p.caution().is_some(),
+                });
                 let (spp, target, frame) = (p.spp, self.target, self.part.map(|part| part.frame));
                 ndjson(&ProgressLine { r#type: "progress", t, spp, pct, err, target, eta, mrays, frame, predicted });
             }

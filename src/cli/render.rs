@@ -6,6 +6,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::args::{Cli, RenderArgs};
+use super::denoising::Filtered;
 use super::html::render as html;
 use super::job::{self, Fallback, Outputs, STREAM};
 use super::keeping::{self, Keeping};
@@ -15,16 +16,17 @@ use super::progress::{self, PartOf, ProgressView};
 use super::replay;
 use super::report::{Verbosity, stderr_line};
 use super::signal::Signals;
+use super::terminal;
 use super::waiting::Waiting;
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::atomic::write_atomically;
 use crate::film::exr::ExrOptions;
 use crate::film::look::Look;
+use crate::film::oidn::Oidn;
 use crate::film::tone::ToneMap;
 use crate::machine;
 use crate::plain::plain;
-use crate::plan::RenderPlan;
 use crate::plan::record::PlanRecord;
 use crate::render::checkpoint::Checkpoint;
 use crate::render::{Progress, Render, RenderOptions, Renderer, Snapshot, StopReason};
@@ -48,9 +50,11 @@ fn render(args: &RenderArgs) -> Result<u8> {
     let signals = Signals::listen()?;
     job::check(&args.settings)?;
     let outputs = Outputs::check(args)?;
+    let denoiser = args.denoise.open(args.settings.threads)?;
+    Outputs::sweep([&outputs]);
     outputs.forget();
     warn(args, &outputs);
-    render_to(args, &outputs, &signals, start)
+    render_to(args, &outputs, (&signals, denoiser.as_ref()), start)
 }
 
 /// Warns of what is given in vain.
@@ -64,9 +68,18 @@ pub(super) fn warn(args: &RenderArgs, outputs: &Outputs) {
         verbosity
             .note(format_args!("pathspace: warning: --threads {asked} is more than helps here: {most} are started"));
     }
+    if let Some(resume) = args.production.resume.as_ref().filter(|_| outputs.checkpoint.is_none()) {
+        let problem = "cannot be written over, what is added to its state is not saved; --checkpoint FILE saves it";
+        verbosity.note(format_args!("pathspace: warning: {} {problem}", resume.display()));
+    }
 }
 
-fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Instant) -> Result<u8> {
+fn render_to(
+    args: &RenderArgs,
+    outputs: &Outputs,
+    (signals, denoiser): (&Signals, Option<&Oidn>),
+    start: Instant,
+) -> Result<u8> {
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     let earlier = keeping::earlier(args.production.resume.as_deref())?;
     // Before the scene is loaded, so that addresses that are taken or nobody answers at are known at once.
@@ -91,7 +104,7 @@ fn render_to(args: &RenderArgs, outputs: &Outputs, signals: &Signals, start: Ins
     verbosity.detail(renderer.need());
     let resume = args.production.resume.as_deref();
     let (options, key, part) = (frame_options, None, None);
-    let frame = Frame { args, outputs, signals, options, resume, key, part, watchers, seconds, start };
+    let frame = Frame { args, outputs, signals, options, resume, key, part, watchers, denoiser, seconds, start };
     render_frame(&renderer, frame, earlier)
 }
 
@@ -106,6 +119,8 @@ pub(super) struct Frame<'f> {
     pub resume: Option<&'f Path>,
     /// Who sees it while it runs.
     pub watchers: &'f RefCell<Watchers>,
+    /// What filters it.
+    pub denoiser: Option<&'f Oidn>,
     /// Fingerprint for its EXR.
     pub key: Option<String>,
     /// Which one of a sequence it is.
@@ -118,27 +133,33 @@ pub(super) struct Frame<'f> {
 
 /// Renders and writes one picture, from `earlier` if there is such a state; returns the exit code.
 pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Checkpoint>) -> Result<u8> {
-    let Frame { args, outputs, signals, options, resume, watchers, key, part, mut seconds, start } = frame;
+    let Frame { args, outputs, signals, options, resume, watchers, denoiser, key, part, mut seconds, start } = frame;
     let verbosity = Verbosity::of(args.quiet, args.verbose);
     // A first look asks for no error: it takes what it gets in its time.
     let target = options.error.filter(|_| args.error.is_some() || !args.quick);
     let resumed = earlier.is_some();
     let about =
         keeping::about(renderer, (&args.production, outputs.checkpoint.is_some()), earlier.as_ref().zip(resume))?;
+    if let Some((earlier, path)) = earlier.as_ref().zip(resume) {
+        keeping::complete(renderer.plan().limits.spp, earlier, path)
+            .into_iter()
+            .for_each(|line| verbosity.note(format_args!("{line}")));
+    }
     let accepted = about.as_ref().map(|about| about.accepted.clone()).filter(|accepted| !accepted.is_empty());
     // What previews alone had gathered is not the EXR's.
     let plan = match args.look.layers().is_empty() {
         true => None,
         false => {
-            let options = options.aovs(args.aov.clone());
-            let plan = RenderPlan::new(renderer.scene(), renderer.geometry(), &options)?;
+            let options = options.aovs(args.layers());
+            let plan = renderer.plan().again(renderer.scene(), renderer.geometry(), &options)?;
             serde_json::to_string(&PlanRecord::of(&plan, renderer.backend_info())).ok()
         }
     };
     let exr_of = |render: &Render| {
-        let mut exr = renderer.exr_options(render).half(args.half).reproducible(args.reproducible);
+        let exr = renderer.exr_options(render).half(args.half).reproducible(args.reproducible);
+        let mut exr = args.exr.apply(exr);
         if plan.is_some() {
-            exr.channels = render.film.channels(&args.aov, renderer.plan().max_depth);
+            exr.channels = render.film.channels(&args.layers(), renderer.plan().max_depth);
             exr.plan.clone_from(&plan);
         }
         // One that was broken off is not the picture that was asked for.
@@ -148,13 +169,15 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
     let curve = if args.quick { ToneMap::Neutral } else { ToneMap::Clip };
     let look = &if outputs.has_previews() { args.look.look(renderer, curve) } else { Look::default() };
     // Several pictures on stdout would be none.
-    let files = Outputs { stdout: false, ..outputs.clone() };
-    let show = |render: &Render| match write_pictures(&files, &render.film, &exr_of(render), (look, verbosity)) {
-        Ok(written) => written.iter().for_each(|path| verbosity.note(format_args!("wrote {path} so far"))),
-        Err(error) => stderr_line(format_args!("pathspace: error: {error}; the render goes on")),
+    let pictures = Outputs { stdout: false, ..outputs.clone() };
+    let show = |render: &Render| {
+        let mut so_far = Files::default();
+        so_far.pictures(&pictures, &render.film, &exr_of(render), (look, verbosity));
+        so_far.written.iter().for_each(|path| verbosity.note(format_args!("wrote {path} so far")));
+        so_far.failed.iter().for_each(|e| stderr_line(format_args!("pathspace: error: {e}; the render goes on")));
     };
 
-    watchers.borrow_mut().begin(renderer, look);
+    watchers.borrow_mut().begin(renderer, look, part.map(|part| part.frame));
 
     let mut log = match &args.reference {
         Some(path) => Some(ErrorLog::open(path, renderer.plan())?),
@@ -184,22 +207,28 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
 
     let writing = Instant::now();
     let kept = keeping.finish(&render);
-    let mut written = if render.film.spp().max > 0 {
+    let (mut files, saved, mut filtered) = (Files::default(), kept.is_ok(), None);
+    if let Err((error, false)) = kept {
+        files.failed.push(error);
+    }
+    if render.film.spp().max > 0 {
         if render.film.spp().min == 0 {
             verbosity.note("pathspace: warning: stopped before every pixel had a sample; those without are black");
         }
-        let written = write_pictures(outputs, &render.film, &exr_of(&render), (look, verbosity));
-        // The command ends with one error: this one would not be told.
-        if let (Err(_), Err((error, false))) = (&written, &kept) {
-            stderr_line(format_args!("pathspace: error: {error}"));
+        let mut exr = exr_of(&render);
+        let filter = |filter: &Oidn| Filtered::of(&render.film, filter);
+        filtered = denoiser.and_then(|denoiser| filter(denoiser).map_err(|error| files.failed.push(error)).ok());
+        filtered.iter().for_each(|filtered| filtered.add_to(&mut exr));
+        let look = &filtered.as_ref().map_or_else(|| look.clone(), |filtered| filtered.shown_by(look));
+        files.pictures(outputs, &render.film, &exr, (look, verbosity));
+        if outputs.show {
+            files.failed.extend(terminal::show(&render.film, look).err());
         }
-        written?
     } else {
         verbosity.note("pathspace: warning: stopped before the first sample; no picture was written");
-        Vec::new()
-    };
+    }
     if let (Some(log), Some(path)) = (&log, &outputs.error_log) {
-        log.write(path)?;
+        files.add(path, log.write(path));
     }
     seconds.write = writing.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
@@ -208,22 +237,24 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
     if args.half {
         stats.bias.push(bias::half(&render.film));
     }
+    stats.denoised = filtered.map(|filtered| filtered.stats);
+    stats.bias.extend(stats.denoised.as_ref().map(bias::denoised));
     match &outputs.stats {
-        Some(path) if path == Path::new(STREAM) => print(&to_json(&stats))?,
-        Some(path) => write_atomically(path, |writer| std::io::Write::write_all(writer, to_json(&stats).as_bytes()))?,
+        Some(path) if path == Path::new(STREAM) => files.failed.extend(print(&to_json(&stats)).err()),
+        Some(path) => files.add(path, write_text(path, &to_json(&stats))),
         None => {}
     }
     if let Some(path) = outputs.report.as_deref().filter(|_| render.film.spp().max > 0) {
         let watchers = watchers.borrow();
         let (curve, given, frame) = (watchers.curve(), Cli::given(), part.map(|part| part.frame));
-        let shown = html::Shown { stats: &stats, look, aovs: &args.aov, curve, resumed, given, frame };
-        let page = html::page(renderer, &render, &shown)?;
-        keep(path, verbosity, |path| {
-            write_atomically(path, |writer| std::io::Write::write_all(writer, plain(&page).as_bytes()))
-        })?;
-        written.push(path.display().to_string());
+        let shown = html::Shown { stats: &stats, look, aovs: &args.layers(), curve, resumed, given, frame };
+        let page = html::page(renderer, &render, &shown);
+        files.add(path, page.and_then(|page| keep(path, verbosity, |path| write_text(path, &plain(&page)))));
     }
-    verbosity.summary(&stats, &written);
+    if let Some((_, path)) = outputs.checkpoint.as_ref().filter(|_| saved && render.film.spp().max > 0) {
+        files.written.push(path.display().to_string());
+    }
+    verbosity.summary(&stats, &files.written, args.production.sample_range);
     if let Some(fault) = &render.fault {
         stderr_line(format_args!("pathspace: error: {fault}"));
     }
@@ -232,11 +263,12 @@ pub(super) fn render_frame(renderer: &Renderer, frame: Frame, earlier: Option<Ch
         stderr_line(format_args!("pathspace: {severity}: {fault}"));
     }
     let exit = exit_code(&render, &stats, target, signals.exit_code());
-    let exit = match kept {
-        Ok(()) => exit,
-        Err((_, true)) => EXIT_FAULT,
-        Err((error, false)) => return Err(error),
-    };
+    // What is not there weighs more than how the render ended. The command ends with one error, which is told then.
+    if let Some(last) = files.failed.pop() {
+        files.failed.iter().for_each(|error| stderr_line(format_args!("pathspace: error: {error}")));
+        return Err(last);
+    }
+    let exit = if saved { exit } else { EXIT_FAULT };
     if exit == EXIT_TARGET_MISSED {
         verbosity.note("pathspace: warning: stopped before the error target was met");
     }
@@ -257,23 +289,38 @@ fn exit_code(render: &Render, stats: &Stats, target: Option<f64>, signal: Option
     }
 }
 
-fn write_pictures(
-    outputs: &Outputs,
-    film: &Film,
-    exr: &ExrOptions,
-    (look, verbosity): (&Look, Verbosity),
-) -> Result<Vec<String>> {
-    if let Some(path) = &outputs.exr {
-        keep(path, verbosity, |path| film.write_exr(path, exr))?;
+/// The files of a render: what was written, and the errors of what was not. One that fails keeps no other from being
+/// written.
+#[derive(Default)]
+struct Files {
+    written: Vec<String>,
+    failed: Vec<Error>,
+}
+
+impl Files {
+    fn add(&mut self, path: &Path, result: Result<()>) {
+        match result {
+            Ok(()) => self.written.push(path.display().to_string()),
+            Err(error) => self.failed.push(error),
+        }
     }
-    for path in &outputs.previews {
-        keep(path, verbosity, |path| film.write_preview(path, look))?;
+
+    fn pictures(&mut self, outputs: &Outputs, film: &Film, exr: &ExrOptions, (look, verbosity): (&Look, Verbosity)) {
+        if let Some(path) = &outputs.exr {
+            self.add(path, keep(path, verbosity, |path| film.write_exr(path, exr)));
+        }
+        for path in &outputs.previews {
+            self.add(path, keep(path, verbosity, |path| film.write_preview(path, look)));
+        }
+        if outputs.stdout {
+            let written = look.preview(film).and_then(|preview| write_stdout(&preview.png()));
+            self.add(Path::new("stdout"), written);
+        }
     }
-    if outputs.stdout {
-        write_stdout(&look.preview(film)?.png())?;
-    }
-    let files = outputs.exr.iter().chain(&outputs.previews).map(|path| path.display().to_string());
-    Ok(files.chain(outputs.stdout.then(|| "stdout".into())).collect())
+}
+
+fn write_text(path: &Path, text: &str) -> Result<()> {
+    write_atomically(path, |writer| std::io::Write::write_all(writer, text.as_bytes()))
 }
 
 /// Writes a picture that may have taken days to where it was asked for, else anywhere: its folder is made again if it

@@ -202,9 +202,11 @@ fn tell(text: &mut String, vertex: &Vertex) {
     if let Some(sample) = &vertex.light {
         light(&mut line, sample);
     }
-    if let Some(Scattering { lobe, wi, pdf_sa, weight, eta }) = &vertex.scattering {
+    if let Some(Scattering { lobe, alpha, wi, pdf_sa, weight, eta }) = &vertex.scattering {
+        let rough = 0.0 < alpha.0 && alpha.0 < 1.0;
+        let alpha = if rough { format!(" of alpha {:?}", alpha.0) } else { String::new() };
         let eta = if eta.0 == 1.0 { String::new() } else { format!(", relative index {:?}", eta.0) };
-        line("scattering", format!("{lobe}, wi = {}, density {:?}{eta}", list(wi), pdf_sa.0));
+        line("scattering", format!("{lobe}{alpha}, wi = {}, density {:?}{eta}", list(wi), pdf_sa.0));
         line("", format!("f·cos/density {}", list(weight)));
     }
     line("gathered", list(&vertex.gathered));

@@ -7,7 +7,8 @@ use std::io::Write;
 use crate::machine::Processor;
 use crate::plain::plain;
 use crate::scene::Warning;
-use crate::stats::Stats;
+use crate::stats::denoise::DenoiseStats;
+use crate::stats::{Stats, TailStats};
 
 /// Share of the energy from which a bias is printed without `-v`: it would show in a comparison of means.
 const BIAS_TOLD: f64 = 1e-3;
@@ -72,11 +73,11 @@ impl Verbosity {
         }
     }
 
-    /// Prints how a render went: a line for people, and the rest when verbose.
-    pub fn summary(self, stats: &Stats, written: &[String]) {
+    /// Prints how a render went, of that `part` of the samples or of all: a line for people, and the rest when verbose.
+    pub fn summary(self, stats: &Stats, written: &[String], part: Option<(u64, u64)>) {
         let s = &stats.seconds;
         if !written.is_empty() {
-            self.note(closing(stats, written));
+            self.note(closing(stats, written, part));
         }
         self.detail(format_args!(
             "render {:.2} s, {} paths, {:.1} Mrays/s; stopped by {}",
@@ -113,7 +114,21 @@ impl Verbosity {
             let [r, g, b] = std::array::from_fn(|c| format!("{:.4e} ± {:.1e}", error.mean[c], half(c)));
             self.detail(format_args!("mean radiance (95 %): {r}, {g}, {b} W/(sr·m²)"));
         }
+        if let Some(tail) = &stats.tail {
+            self.detail(format_args!(
+                "tail {} ({} is beyond trust, from {} pixels); light of events not met yet {:.2} %, at most {:.2} %",
+                tail.verdict,
+                format_args!("k={:.2}", tail.k_limit),
+                tail.pixels,
+                100.0 * tail.unseen_share,
+                100.0 * tail.unseen_at_most
+            ));
+        }
         if let Some(p) = &stats.prediction {
+            if let Some(caution) = p.caution {
+                let [low, _] = p.seconds_interval;
+                self.detail(format_args!("predicted after {:.1} s: at least {low:.1} s; {caution}", p.after_s));
+            }
             self.detail(format_args!(
                 "predicted after {:.1} s: {:.1} s (95 %: {:.1} to {:.1} s), {:.0} spp; taken {:.1} s, {} spp",
                 p.after_s, p.seconds, p.seconds_interval[0], p.seconds_interval[1], p.spp, p.taken_s, p.taken_spp
@@ -163,8 +178,12 @@ impl Verbosity {
 }
 
 /// The line for people: files, size, noise, samples, seconds, and what less noise would cost.
-fn closing(stats: &Stats, written: &[String]) -> String {
+fn closing(stats: &Stats, written: &[String], part: Option<(u64, u64)>) -> String {
     let ([w, h], seconds) = (stats.resolution, stats.seconds.render);
+    if let Some((start, end)) = part {
+        let (files, time) = (written.join(", "), duration(seconds));
+        return format!("wrote {files} ({w}x{h}, samples {start}..{end}): {time}; `pathspace merge` joins the parts");
+    }
     let mut line = format!("wrote {} ({w}x{h}, {} spp): ", written.join(", "), spp(stats));
     let Some(error) = stats.error.as_ref().filter(|error| error.relmse > 0.0) else {
         line += &format!("{} of rendering", duration(seconds));
@@ -172,9 +191,15 @@ fn closing(stats: &Stats, written: &[String]) -> String {
     };
     let noise = 100.0 * error.relmse.sqrt();
     line += &format!("noise {noise:.1} %, {}", duration(seconds));
+    if let Some(told) = stats.denoised.as_ref().and_then(DenoiseStats::told) {
+        line += &format!("; denoised {told}");
+    }
     // Noise falls with the square root of the samples.
     let half = format!("--error {:.*}%", usize::from(noise < 20.0) + usize::from(noise < 2.0), 0.5 * noise);
-    line + &format!("; half of it takes about {} ({half})", duration(4.0 * seconds))
+    // Where few bright samples carry the noise, more of them may come.
+    let tame = stats.tail.as_ref().is_none_or(TailStats::is_tame);
+    let about = if tame { "about" } else { "at least" };
+    line + &format!("; half of it takes {about} {} ({half})", duration(4.0 * seconds))
 }
 
 /// Seconds as people say them: "0.4 s", "12 s", "3 min", "2.5 h".

@@ -25,10 +25,11 @@ use super::signal::Signals;
 use super::units::ShutterAngle;
 use crate::error::{Error, Result};
 use crate::film::exr::text_attribute;
+use crate::film::oidn::Oidn;
 use crate::film::store::mix;
 use crate::render::checkpoint::Checkpoint;
 use crate::render::identity::{digest_of, digest_of_files};
-use crate::render::{CameraChoice, RenderOptions, Renderer};
+use crate::render::{Absent, CameraChoice, RenderOptions, Renderer};
 use crate::scene::{Camera, LoadOptions, Scene, Shutter};
 use crate::stats::Seconds;
 
@@ -51,12 +52,16 @@ struct Sequence<'s> {
     verbosity: Verbosity,
     /// Who sees the frames while they are rendered.
     watchers: RefCell<Watchers>,
+    /// What filters them.
+    denoiser: Option<Oidn>,
 }
 
 /// How the sequence went so far.
 struct Progress {
     exit: u8,
     done: usize,
+    /// Those of them that were there.
+    there: usize,
 }
 
 impl<'s> Sequence<'s> {
@@ -69,11 +74,12 @@ impl<'s> Sequence<'s> {
             let problem = "only an .exr says of which scene and settings it is".into();
             return Err(Error::Option { option: "--skip-existing", problem });
         }
+        let denoiser = args.denoise.open(args.settings.threads)?;
         warn(args, &outputs);
         let verbosity = Verbosity::of(args.quiet, args.verbose);
         let name = args.output.as_ref().unwrap_or(&args.scene).display().to_string();
         let watchers = RefCell::new(Watchers::start(&args.live, args.report.is_some(), &name, verbosity)?);
-        Ok(Sequence { args, frames, outputs, signals, verbosity, watchers })
+        Ok(Sequence { args, frames, outputs, signals, verbosity, watchers, denoiser })
     }
 
     fn run(&self) -> Result<u8> {
@@ -88,16 +94,22 @@ impl<'s> Sequence<'s> {
         // Decided once: lamps that move would switch it on and off.
         let environment = &self.args.settings.environment;
         let studio = job::wants_studio(&scene, environment, Fallback::of(self.args));
-        self.prepare(&mut scene, studio)?;
+        self.prepare(&mut scene, studio, Absent::Refused)?;
         self.spare(&scene)?;
         self.verbosity.warnings(&scene.warnings);
         let files = self.digest(&scene)?;
-        let mut progress = Progress { exit: EXIT_OK, done: 0 };
+        let mut progress = Progress { exit: EXIT_OK, done: 0, there: 0 };
+        Outputs::sweep(&self.frames.iter().map(|&frame| self.of_frame(frame)).collect::<Vec<_>>());
         let moves = self.args.sequence.frames.is_some() && !scene.motion.animations.is_empty();
         if !moves || self.args.sequence.turntable.is_some() {
             self.still(&mut scene, files, start, &mut progress)?;
         } else {
             self.moving((&path, scene, studio), files, start, &mut progress)?;
+        }
+        match progress.there {
+            0 => {}
+            1 => self.verbosity.note("1 frame is there already"),
+            n => self.verbosity.note(format_args!("{n} frames are there already")),
         }
         Ok(progress.exit)
     }
@@ -128,7 +140,9 @@ impl<'s> Sequence<'s> {
             }
             let outputs = self.of_frame(frame);
             let key = self.key(files, &options, frame)?;
-            if !self.is_there(&outputs, &key) {
+            if self.is_there(&outputs, &key) {
+                progress.there += 1;
+            } else {
                 let (earlier, resume) = self.earlier(frame)?;
                 let options = self.settled(options, earlier.as_ref());
                 let renderer = match &mut renderer {
@@ -164,10 +178,15 @@ impl<'s> Sequence<'s> {
             let outputs = self.of_frame(frame);
             let options = self.seeded(&self.options(&scene), frame);
             let key = self.key(files, &options, frame)?;
-            if !self.is_there(&outputs, &key) {
+            if self.is_there(&outputs, &key) {
+                progress.there += 1;
+            } else {
                 if at != frame {
+                    let left_out = scene.left_out.clone();
                     scene = Scene::load_again(path, &self.load_options(frame)?, &scene)?;
-                    self.prepare(&mut scene, studio)?;
+                    self.prepare(&mut scene, studio, Absent::Passed)?;
+                    // All frames say the same, whatever this one calls for.
+                    scene.left_out = left_out;
                     self.keep_placed(&mut scene, placed.as_ref());
                     at = frame;
                 }
@@ -182,11 +201,12 @@ impl<'s> Sequence<'s> {
         Ok(())
     }
 
-    /// Lights a loaded scene, by the studio or as it is, and puts its camera where the settings say.
-    fn prepare(&self, scene: &mut Scene, studio: bool) -> Result<()> {
+    /// Lights a loaded scene, by the studio or as it is, puts its camera where the settings say, and leaves out what
+    /// they say.
+    fn prepare(&self, scene: &mut Scene, studio: bool, absent: Absent) -> Result<()> {
         let settings = &self.args.settings;
         job::light_as(scene, &settings.environment, studio);
-        job::look_from(settings, scene)
+        job::prepare(settings, scene, absent)
     }
 
     /// The camera that `--camera-orbit` has put somewhere in `scene`, and the origin that it is relative to.
@@ -245,6 +265,7 @@ impl<'s> Sequence<'s> {
             key: Some(key),
             part: Some(part),
             watchers: &self.watchers,
+            denoiser: self.denoiser.as_ref(),
             seconds: Seconds { load, build, ..Seconds::default() },
             start,
         };
@@ -334,16 +355,17 @@ impl<'s> Sequence<'s> {
         let (view, look) = (&settings.view, &self.args.look);
         let previews = (look.exposure, look.tone_map, look.transparent, look.background, self.args.quick);
         let settings = format!(
-            "{:?} {:?} {:?} {environment:?} {view:?} {:?} {} {:?} {:?}",
+            "{:?} {:?} {:?} {environment:?} {view:?} {:?} {:?} {:?} {:?}",
             options.clone().threads(0),
             load.shutter,
-            (&load.scene, &load.variant, &load.animation),
+            (&load.scene, &load.variant, &load.animation, &settings.without),
             (load.missing_texture, load.texture_budget.decoder, Fallback::of(self.args)),
-            self.args.half,
+            (self.args.half, self.args.exr),
             self.args.sequence.turntable.map(|turns| (turns, frame)),
             (!self.outputs.previews.is_empty() || self.outputs.report.is_some()).then_some(previews),
         );
         let key = settings.bytes().fold(files, |key, byte| mix(key, byte.into()));
+        let key = if self.args.denoise.denoise { mix(key, 1) } else { key };
         Ok(format!("{key:016x}"))
     }
 

@@ -3,11 +3,16 @@
 //! does. Exit codes are 128 + the signal's number. SIGHUP that is ignored (`nohup`) stays so. SIGUSR1 asks for the
 //! picture so far and ends nothing.
 //!
+//! SIGTERM and SIGHUP often come twice: Slurm, systemd and a closing terminal tell every process, and a shell among
+//! them passes its own on. Within a second of the first they are that one.
+//!
 //! SIGXCPU, the soft limit of processor time (setrlimit(2)), ends a render as they do. It comes again each second, so
 //! that it never counts as a second signal. SIGXFSZ, the limit of a file's size, is caught: the write fails instead.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
@@ -18,12 +23,17 @@ use crate::error::{Error, Result};
 /// Exit code: the limit of processor time has come.
 const EXIT_OUT_OF_TIME: u8 = 128 + SIGXCPU as u8;
 
+/// How long SIGTERM and SIGHUP are repetitions, from when the first is seen.
+const REPEATED: Duration = Duration::from_secs(1);
+
 /// The signals that have arrived.
 pub struct Signals {
     /// Number of the last one; 0 for none.
     last: Arc<AtomicUsize>,
     /// Whether the next one ends the process.
     armed: Arc<AtomicBool>,
+    /// Whether it is going to, when [`REPEATED`] has passed.
+    arming: AtomicBool,
     /// Whether the picture so far was asked for.
     request: Arc<AtomicBool>,
     /// Whether the limit of processor time ends the process.
@@ -41,9 +51,9 @@ impl Signals {
         let (armed, last) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicUsize::new(0)));
         let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|&signal| signal != SIGHUP || !is_ignored(signal));
         for signal in heard {
-            // In this order: a handler that finds itself armed ends the process, the first signal arms it.
+            // In this order: a handler that finds itself armed ends the process, the first SIGINT arms it.
             flag::register_conditional_shutdown(signal, 128 + signal, armed.clone())
-                .and_then(|_| flag::register(signal, armed.clone()))
+                .and_then(|id| if signal == SIGINT { flag::register(signal, armed.clone()) } else { Ok(id) })
                 .and_then(|_| flag::register_usize(signal, last.clone(), signal as usize))
                 .map_err(refused)?;
         }
@@ -55,7 +65,7 @@ impl Signals {
                 .and_then(|_| flag::register(SIGXCPU, out_of_time.clone()))
                 .map_err(refused)?;
         }
-        Ok(Signals { last, armed, request, loading, out_of_time })
+        Ok(Signals { last, armed, arming: false.into(), request, loading, out_of_time })
     }
 
     /// From now on there is something to write: the next signal is only noted.
@@ -73,7 +83,24 @@ impl Signals {
     pub fn exit_code(&self) -> Option<u8> {
         match self.last.load(Ordering::SeqCst) {
             0 => self.out_of_time.load(Ordering::SeqCst).then_some(EXIT_OUT_OF_TIME),
-            signal => Some(128 + signal as u8),
+            signal => {
+                if !self.arming.swap(true, Ordering::SeqCst) {
+                    self.arm();
+                }
+                Some(128 + signal as u8)
+            }
+        }
+    }
+
+    /// Lets the next signal end the process once [`REPEATED`] has passed; at once where no thread can wait for that.
+    fn arm(&self) {
+        let armed = self.armed.clone();
+        let wait = move || {
+            thread::sleep(REPEATED);
+            armed.store(true, Ordering::SeqCst);
+        };
+        if thread::Builder::new().name("signals".into()).spawn(wait).is_err() {
+            self.armed.store(true, Ordering::SeqCst);
         }
     }
 }

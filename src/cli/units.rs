@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use crate::film::look::srgb_value;
+use crate::plan::options::{Guiding, LightPaths, Techniques};
 use crate::render::{Crop, Fog};
 use crate::scene::Shutter;
 use crate::scene::orbit::Distance;
@@ -32,6 +33,12 @@ pub fn duration(text: &str) -> Result<Duration, String> {
         Ok(duration) if duration > Duration::ZERO => Ok(duration),
         _ => Err(refuse()),
     }
+}
+
+/// A number of samples, 1 or more.
+pub fn samples(text: &str) -> Result<u64, String> {
+    let number = text.trim().parse().ok().filter(|&samples| samples > 0);
+    number.ok_or_else(|| format!("'{text}' is not a number of samples per pixel; write 1 or more, as in 64"))
 }
 
 /// `1%` or `0.01`; above 0.
@@ -149,6 +156,12 @@ pub fn finite(text: &str) -> Result<f32, String> {
 /// A finite number of at least 0.
 pub fn not_negative(text: &str) -> Result<f32, String> {
     finite(text).ok().filter(|v| *v >= 0.0).ok_or_else(|| format!("'{text}' is not a finite number of at least 0"))
+}
+
+/// A price: a number of at least 0.
+pub fn price(text: &str) -> Result<f64, String> {
+    let price = text.parse().ok().filter(|price: &f64| price.is_finite() && *price >= 0.0);
+    price.ok_or_else(|| format!("'{text}' is not a price; write a number of at least 0, as in 0.04"))
 }
 
 /// A finite length above 0, metres.
@@ -270,8 +283,68 @@ fn number(text: &str) -> Option<f64> {
     text.parse::<f64>().ok().filter(|value| value.is_finite())
 }
 
+/// What `--techniques` asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// BSDF and light samples; `None` where nothing is said of them.
+    pub samples: Option<Techniques>,
+    /// Light paths.
+    pub light_paths: LightPaths,
+    /// The guide.
+    pub guiding: Guiding,
+}
+
+/// Share of light paths where a list names them without one.
+const LIGHT_PATH_SHARE: f32 = 0.25;
+
+/// Reads `auto`, or a list of `bsdf`, `light`, `guide` and `light-paths`, the last one with its share behind a colon.
+pub fn techniques(text: &str) -> Result<Found, String> {
+    if text.eq_ignore_ascii_case("auto") {
+        return Ok(Found { samples: None, light_paths: LightPaths::Auto, guiding: Guiding::Auto });
+    }
+    let (mut samples, mut share, mut guiding) = (Techniques { bsdf: false, light: false }, None, Guiding::Off);
+    for name in text.split(',').map(|name| name.trim().to_lowercase()) {
+        match (name.as_str(), name.split_once(':')) {
+            ("bsdf", _) => samples.bsdf = true,
+            ("light", _) => samples.light = true,
+            ("guide", _) => guiding = Guiding::On,
+            ("light-paths", _) => share = Some(LIGHT_PATH_SHARE),
+            (_, Some(("light-paths", of))) => {
+                let within = |share: &f32| *share > 0.0 && *share <= 1.0;
+                let read = of.parse().ok().filter(within);
+                share = Some(read.ok_or_else(|| format!("'{of}' light paths for a sample; above 0 and up to 1"))?);
+            }
+            _ => return Err(format!("'{name}' is not one of auto, bsdf, light, light-paths, guide")),
+        }
+    }
+    let any = samples.bsdf || samples.light;
+    if guiding == Guiding::On && any && !samples.bsdf {
+        return Err("'guide' is mixed with 'bsdf', which the list does not name".into());
+    }
+    let light_paths = match share {
+        None => LightPaths::Off,
+        Some(share) if any => LightPaths::Share(share),
+        Some(share) => LightPaths::Alone(share),
+    };
+    Ok(Found { samples: any.then_some(samples), light_paths, guiding })
+}
+
 #[cfg(test)]
 mod tests {
+    /// Oracle: written by hand.
+    #[test]
+    fn techniques_are_read() {
+        let read =
+            |text| super::techniques(text).map(|found| (found.samples.map(|s| (s.bsdf, s.light)), found.light_paths));
+        assert_eq!(read("auto"), Ok((None, super::LightPaths::Auto)));
+        assert_eq!(read("bsdf,light"), Ok((Some((true, true)), super::LightPaths::Off)));
+        assert_eq!(read("Light, light-paths:0.5"), Ok((Some((false, true)), super::LightPaths::Share(0.5))));
+        assert_eq!(read("light-paths"), Ok((None, super::LightPaths::Alone(0.25))));
+        let guided = super::techniques("bsdf,light,guide").map(|found| found.guiding);
+        assert_eq!((guided, read("light,guide").is_err()), (Ok(super::Guiding::On), true));
+        assert!(["", "guides", "light-paths:2", "bsdf,light-paths:no"].iter().all(|text| read(text).is_err()));
+    }
+
     use super::*;
 
     #[test]

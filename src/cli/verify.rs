@@ -48,7 +48,9 @@ pub fn run(args: &VerifyArgs) -> Result<u8> {
         .fallback_light(false)
         .allow_outside(args.files.allow_outside)
         .allow_missing_extensions(args.files.allow_missing_extensions);
+    let waiting = Waiting::begin(Verbosity::Normal, "loading");
     let scene = Scene::load_with(&args.scene, &options)?;
+    drop(waiting);
     for warning in &scene.warnings {
         stderr_line(format_args!("pathspace: warning: {}: {}", warning.place, warning.what));
     }
@@ -56,6 +58,7 @@ pub fn run(args: &VerifyArgs) -> Result<u8> {
     let options = VerifyOptions {
         patches: args.patches as usize,
         spp: args.spp,
+        time: args.time,
         resolution: (picture.width, picture.height),
         max_depth: args.max_depth,
         seed: args.seed,
@@ -86,7 +89,7 @@ fn record(scene: &Scene, options: &VerifyOptions, found: &Verification) -> Recor
     Record {
         scene: scene.file.display().to_string(),
         resolution: [options.resolution.0, options.resolution.1],
-        spp: options.spp,
+        spp: found.spp,
         max_depth: options.max_depth,
         patches: found.patches,
         terms: found.comparisons.iter().map(term).collect(),
@@ -105,7 +108,7 @@ fn table(options: &VerifyOptions, found: &Verification) -> String {
     let mut lines = vec![
         format!(
             "solver: {:?} patches; path tracer: {} samples for each of {width}x{height} rays through pixel centres",
-            found.patches, options.spp
+            found.patches, found.spp
         ),
         "mean radiance over the picture, W/(sr m²), in the channel that agrees least; ± is the discretisation \
          of the solver"

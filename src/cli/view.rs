@@ -15,7 +15,10 @@ use super::report::{Verbosity, stderr_line};
 use super::signal::Signals;
 use super::waiting::Waiting;
 use crate::error::Result;
-use crate::render::{Crop, Lens, Progress, Render, RenderOptions, Renderer, Snapshot, StopReason};
+use crate::plan::Aov;
+use crate::render::{
+    Crop, Guiding, Lens, LightPaths, Progress, Render, RenderOptions, Renderer, Snapshot, StopReason, Strategy,
+};
 use crate::scene::orbit::{Distance, Orbit};
 use crate::scene::{Camera, Projection, Scene};
 
@@ -37,31 +40,33 @@ pub fn run(args: &ViewerArgs) -> Result<u8> {
     let mut page = Page::start(&args.address, args.serve_anywhere, verbosity)?;
     let waiting = Waiting::begin(verbosity, "loading and building");
     let scene = &job::load(&args.scene, &args.settings, Fallback::Studio)?;
-    let full = quick::sized(&args.settings, job::settings(&args.settings, scene)).spp(args.spp);
-    let mut renderer = Renderer::new(scene, full.clone())?;
+    let asked = quick::sized(&args.settings, job::settings(&args.settings, scene)).spp(args.spp);
+    let mut renderer = Renderer::new(scene, asked.clone().guiding(unguided(asked.guiding)))?;
+    let (full, techniques) = decided(asked, &renderer);
     let (coarse, window) = (coarse(&full), renderer.plan().window);
     drop(waiting);
     let studio = args.settings.environment.env.is_none() && scene.environment.is_some();
-    page.renders((full.width, full.height), args.spp, studio);
     verbosity.warnings(&scene.warnings);
     verbosity.note("Ctrl-C ends it");
     signals.defer();
 
     let camera = scene.cameras[renderer.plan().camera].clone();
-    let mut seen = Seen { camera: camera.clone(), view: standing(scene, &camera, full.lens), moved: false };
-    let (mut good, mut fine) = ((seen.view, seen.moved), false);
+    let home = standing(scene, &camera, full.lens);
+    page.shows_views((full.width, full.height), args.spp, (studio, &techniques), home.clone());
+    let mut seen = Seen { camera, view: home.clone(), home };
+    let (mut good, mut fine) = (seen.clone(), false);
     loop {
         if let Err(error) = seen.aim(&mut renderer, if fine { &full } else { &coarse }, &full) {
-            if good == (seen.view, seen.moved) {
+            if good == seen {
                 return Err(error);
             }
             // No camera can stand where a client wanted it: the last good view stays.
             verbosity.note(format_args!("pathspace: warning: {error}"));
-            ((seen.view, seen.moved), fine) = (good, false);
+            (seen, fine) = (good.clone(), false);
             continue;
         }
-        good = (seen.view, seen.moved);
-        page.begin(&renderer, window, Some(seen.view));
+        good.clone_from(&seen);
+        page.begin(&renderer, window, Some(seen.view.clone()));
         let render = {
             let pages = std::cell::RefCell::new(&mut page);
             let progress = |_: &Progress| {
@@ -78,16 +83,16 @@ pub fn run(args: &ViewerArgs) -> Result<u8> {
             };
             renderer.render_watched(progress, |snapshot: &Snapshot| {
                 let mut page = pages.borrow_mut();
-                page.show(snapshot.film, snapshot.elapsed, snapshot.spp);
+                page.show(&renderer, snapshot.film, snapshot.elapsed, snapshot.spp);
                 if fine {
-                    page.answer_exr(&renderer, snapshot.film);
+                    page.answer(&renderer, snapshot.film);
                 }
             })?
         };
         match render.stop {
             StopReason::Callback => {}
             StopReason::Fault | StopReason::Texture => tell_faults(scene, &render),
-            _ if fine => page.done(),
+            _ if fine => page.done(&renderer, &render),
             _ => {}
         }
         let was_fine = std::mem::replace(&mut fine, true);
@@ -96,17 +101,36 @@ pub fn run(args: &ViewerArgs) -> Result<u8> {
                 return Ok(code);
             }
             if let Some(view) = page.take_view() {
-                (seen.view, seen.moved, fine) = (view, true, false);
+                (seen.view, fine) = (view, false);
                 break;
             }
             if !was_fine || render.stop == StopReason::Callback {
                 break;
             }
             page.answer_replays(&renderer);
-            page.answer_exr(&renderer, &render.film);
+            page.answer(&renderer, &render.film);
             page.shared().wait(PAUSE);
         }
     }
+}
+
+/// A guide that nobody asked for would be learnt before the first picture.
+fn unguided(guiding: Guiding) -> Guiding {
+    if guiding == Guiding::Auto { Guiding::Off } else { guiding }
+}
+
+/// What was `asked` for with the techniques that `renderer` uses, so that a view that moves waits for no survey; and
+/// how a render is told of them, where nobody has said which.
+fn decided(asked: RenderOptions, renderer: &Renderer) -> (RenderOptions, String) {
+    if (asked.light_paths, asked.guiding) != (LightPaths::Auto, Guiding::Auto) || asked.strategy != Strategy::MIS {
+        return (asked, String::new());
+    }
+    let share = renderer.plan().light_paths;
+    let (light_paths, words) = match share > 0.0 {
+        true => (LightPaths::Share(share), format!(" --techniques bsdf,light,light-paths:{share}")),
+        false => (LightPaths::Off, " --techniques bsdf,light".into()),
+    };
+    (asked.light_paths(light_paths).guiding(Guiding::Off), words)
 }
 
 /// The first look at the picture of `full`.
@@ -129,19 +153,32 @@ fn tell_faults(scene: &Scene, render: &Render) {
     }
 }
 
-/// What is looked at, and whether it is still as the scene says.
+/// What is looked at.
+#[derive(Clone, PartialEq)]
 struct Seen {
     camera: Camera,
     view: ViewChange,
-    moved: bool,
+    /// As the scene says.
+    home: ViewChange,
 }
 
 impl Seen {
     /// Turns `renderer` to it, for a picture by `options`, of which `full` is the whole.
     fn aim(&self, renderer: &mut Renderer, options: &RenderOptions, full: &RenderOptions) -> Result<()> {
-        renderer.retarget(&RenderOptions { lens: self.lens(options), ..options.clone() })?;
-        if self.moved {
-            let camera = self.placed(renderer.scene(), full);
+        let turned = self
+            .view
+            .rotation
+            .filter(|_| !self.view.is_lit_as(&self.home))
+            .map(|degrees| (degrees as f32).to_radians());
+        let scene = renderer.scene();
+        if let Some(rotation_rad) = turned.or(scene.environment.as_ref().map(|map| map.rotation_rad)) {
+            renderer.turn_environment(rotation_rad);
+        }
+        // Names that were checked as they came.
+        let layers: Vec<Aov> = self.view.layers.iter().filter_map(|name| name.parse().ok()).collect();
+        renderer.retarget(&RenderOptions { lens: self.lens(options), ..options.clone() }.aovs(layers))?;
+        if !self.view.stands_as(&self.home) {
+            let camera = self.placed(scene, full);
             renderer.look_through(&camera)?;
         }
         Ok(())
@@ -149,17 +186,19 @@ impl Seen {
 
     fn lens(&self, options: &RenderOptions) -> Option<Lens> {
         let parallel = matches!(self.camera.projection, Projection::Orthographic { .. });
-        match self.moved {
-            false => options.lens,
-            true if parallel || self.view.aperture == 0.0 => None,
-            true => Some(Lens { radius_m: self.view.aperture as f32, focus_m: self.view.distance as f32 }),
+        match self.view.sees_as(&self.home) {
+            true => options.lens,
+            false if parallel || self.view.aperture == 0.0 => None,
+            false => Some(Lens { radius_m: self.view.aperture as f32, focus_m: self.view.distance as f32 }),
         }
     }
 
     fn placed(&self, scene: &Scene, full: &RenderOptions) -> Camera {
         let mut camera = self.camera.clone();
         if let (Projection::Perspective { yfov_rad, .. }, Some(fov)) = (&mut camera.projection, self.view.fov) {
-            *yfov_rad = (fov as f32).to_radians();
+            // Degrees and back are not always the same bits.
+            let asked = (fov as f32 != yfov_rad.to_degrees()).then(|| (fov as f32).to_radians());
+            *yfov_rad = asked.unwrap_or(*yfov_rad);
         }
         let orbit = Orbit {
             azimuth_rad: self.view.azimuth.to_radians(),
@@ -188,6 +227,8 @@ fn standing(scene: &Scene, camera: &Camera, lens: Option<Lens>) -> ViewChange {
             Projection::Orthographic { .. } => None,
         },
         aperture: lens.map_or(0.0, |lens| f64::from(lens.radius_m)),
+        rotation: scene.environment.as_ref().map(|environment| f64::from(environment.rotation_rad.to_degrees())),
+        layers: Vec::new(),
     }
 }
 

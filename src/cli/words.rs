@@ -15,6 +15,13 @@ pub fn line(options: &[(String, Vec<String>)]) -> String {
     line
 }
 
+/// `options` of a sequence for one of its frames alone.
+pub fn of_frame(mut options: Vec<(String, Vec<String>)>, frame: u32) -> Vec<(String, Vec<String>)> {
+    options.retain(|(option, _)| option != "frames");
+    options.push(("frames".into(), vec!["--frames".into(), frame.to_string()]));
+    options
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

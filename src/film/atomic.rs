@@ -9,6 +9,7 @@
 //! Permissions are those of the file that is replaced, else of any new file (0666 less the umask). Links are not
 //! followed: one at the target is replaced, and the name on the way is new, or another is taken.
 
+use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::hash::{BuildHasher, RandomState};
@@ -207,31 +208,37 @@ pub fn check_writable(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Takes away what writers of `path` left that were killed: names on the way to it whose files nobody has locked.
-pub fn sweep(path: &Path) {
-    let (Some(name), Ok(entries)) = (path.file_name(), fs::read_dir(folder_of(path))) else { return };
-    let is_file = |entry: &fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_file());
-    for entry in entries.flatten().filter(|entry| is_on_the_way(&entry.file_name(), name) && is_file(entry)) {
-        // (Locks of network file systems may ask for writing, files on their way to read-only ones forbid it.)
-        let opened = File::options().write(true).open(entry.path()).or_else(|_| File::open(entry.path()));
-        let Ok(file) = opened else { continue };
-        if file.try_lock().is_ok() {
-            let _ = fs::remove_file(entry.path());
+/// Takes away what writers of `paths` left that were killed: names on the way to them whose files nobody has locked.
+/// Each folder is read once.
+pub fn sweep<'p>(paths: impl IntoIterator<Item = &'p Path>) {
+    let mut targets: HashMap<&Path, HashSet<&[u8]>> = HashMap::new();
+    for path in paths {
+        targets.entry(folder_of(path)).or_default().extend(path.file_name().map(OsStr::as_encoded_bytes));
+    }
+    for (folder, names) in targets {
+        let Ok(entries) = fs::read_dir(folder) else { continue };
+        let is_left = |entry: &fs::DirEntry| target_of(&entry.file_name()).is_some_and(|name| names.contains(name));
+        let is_file = |entry: &fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_file());
+        for entry in entries.flatten().filter(|entry| is_left(entry) && is_file(entry)) {
+            // (Locks of network file systems may ask for writing, files on their way to read-only ones forbid it.)
+            let opened = File::options().write(true).open(entry.path()).or_else(|_| File::open(entry.path()));
+            let Ok(file) = opened else { continue };
+            if file.try_lock().is_ok() {
+                let _ = fs::remove_file(entry.path());
+            }
         }
     }
 }
 
-/// Whether `found` is a [`Partial`] of `name`.
-fn is_on_the_way(found: &OsStr, name: &OsStr) -> bool {
-    let rest = found.as_encoded_bytes().strip_prefix(b".");
-    let rest = rest.and_then(|rest| rest.strip_prefix(name.as_encoded_bytes()));
-    let numbers = rest.and_then(|rest| rest.strip_prefix(b".")).and_then(|rest| rest.strip_suffix(b".partial"));
+/// The name that `found` is a [`Partial`] of, its bytes.
+fn target_of(found: &OsStr) -> Option<&[u8]> {
+    let rest = found.as_encoded_bytes().strip_prefix(b".")?.strip_suffix(b".partial")?;
+    let dot = rest.iter().rposition(|&byte| byte == b'.')?;
     // Process, count, chance.
     let is_number = |part: &[u8]| !part.is_empty() && part.iter().all(u8::is_ascii_hexdigit);
-    numbers.is_some_and(|numbers| {
-        let parts: Vec<&[u8]> = numbers.split(|&byte| byte == b'-').collect();
-        parts.len() == 3 && parts.into_iter().all(is_number)
-    })
+    let parts: Vec<&[u8]> = rest[dot + 1..].split(|&byte| byte == b'-').collect();
+    let is_partial = parts.len() == 3 && parts.into_iter().all(is_number);
+    is_partial.then(|| &rest[..dot])
 }
 
 #[cfg(test)]
@@ -330,10 +337,10 @@ mod tests {
             fs::write(folder.path().join(name), "").expect("a writable folder");
         }
         assert_eq!(entries(folder.path()), 7);
-        sweep(&path);
+        sweep([path.as_path()]);
         assert!(!left.path.exists() && alive.path.exists() && others.path.exists());
         assert_eq!(entries(folder.path()), 6);
-        sweep(&other);
+        sweep([path.as_path(), &other]);
         assert!(alive.path.exists() && !others.path.exists());
     }
 

@@ -49,7 +49,7 @@ impl Blocks {
 
     /// A patch of no pixels with the layers of these films.
     pub fn patch(&self) -> Patch {
-        let planes = self.films[0].planes.iter().map(|plane| Plane::new(plane.layer, 0)).collect();
+        let planes = self.films[0].planes.iter().map(|plane| plane.like(0)).collect();
         Patch { pixels: Vec::new(), planes }
     }
 

@@ -5,8 +5,17 @@
 pub struct Channel {
     /// Full name, `variance.R`.
     pub name: String,
+    /// Whether it is a component of a colour that is linear in radiance or reflectance, with the two others beside it.
+    pub is_color: bool,
     /// Finite values.
     pub values: Vec<f32>,
+}
+
+impl Channel {
+    /// The part of its name that channels of one layer share; the whole name where it has no component.
+    pub fn layer(&self) -> &str {
+        self.name.rsplit_once('.').map_or(self.name.as_str(), |(layer, _)| layer)
+    }
 }
 
 /// A value as it is stored: rounded to f32 and saturated.

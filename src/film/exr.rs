@@ -1,9 +1,11 @@
 //! OpenEXR: films out, pictures in. One part, scan lines, ZIP, 32-bit float; beauty is the unnamed `R,G,B,A`
-//! (scene-linear Rec.709, premultiplied), other layers are dotted [`channels`](Film::channels). The data
-//! window is the crop inside the full display window. Attributes as DESIGN §9 lists them.
+//! (scene-linear Rec.709, premultiplied), other layers are dotted [`channels`](Film::channels); other names
+//! (`pass_names.rs`) and primaries (`primaries.rs`) on request. The data window is the crop inside the full display
+//! window.
 //!
 //! Means beyond the range of f32 are written as ±[`f32::MAX`], never as infinity.
-//! Limit of reading: the first flat part, full resolution, channels R, G, B (A) or Y without subsampling.
+//! Limit of reading: the first flat part, full resolution, channels R, G, B (A), of Blender's `Combined` as well, or Y
+//! without subsampling.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -15,8 +17,11 @@ use exr::prelude::{
 };
 
 use super::channel::{Channel, stored};
+use super::cryptomatte::Matte;
 use super::header::SortedHeader;
 use super::layer::beauty;
+use super::pass_names::PassNames;
+use super::primaries::Primaries;
 use super::store::Film;
 use crate::error::{Error, Result};
 use crate::input;
@@ -68,6 +73,14 @@ pub struct ExrOptions {
     pub key: Option<String>,
     /// Differences of build or instruction set that the render was gone on with in spite of, `pathspace/accepted`.
     pub accepted: Option<String>,
+    /// What was filtered into the layer `denoised`, and the measured error of that, `pathspace/denoised`.
+    pub denoised: Option<String>,
+    /// Names of layers of ids.
+    pub mattes: Vec<Matte>,
+    /// What channels are called.
+    pub pass_names: PassNames,
+    /// Primaries of the colours: the beauty and the channels that [are colours](Channel::is_color).
+    pub primaries: Primaries,
 }
 
 impl ExrOptions {
@@ -83,6 +96,26 @@ impl ExrOptions {
         plan: into Option<String>,
         key: into Option<String>,
         accepted: into Option<String>,
+        denoised: into Option<String>,
+        mattes: into Vec<Matte>,
+        pass_names: = PassNames,
+        primaries: = Primaries,
+    }
+}
+
+impl ExrOptions {
+    /// The values of channel `number` in the primaries that are asked for.
+    fn values(&self, number: usize) -> Vec<f32> {
+        let channel = &self.channels[number];
+        if self.primaries == Primaries::Rec709 || !channel.is_color {
+            return channel.values.clone();
+        }
+        // The three of a colour follow each other.
+        let component =
+            self.channels[..number].iter().rev().take_while(|before| before.layer() == channel.layer()).count();
+        let color = &self.channels[number - component % 3..][..3];
+        let at = |p: usize| self.primaries.of_rec709([0, 1, 2].map(|c| f64::from(color[c].values[p])))[component % 3];
+        (0..channel.values.len()).map(|p| stored(at(p))).collect()
     }
 }
 
@@ -100,7 +133,7 @@ impl Film {
         let mut image = Image::from_layer(Layer::new(size, self.layer_attributes(options), encoding, channels));
         let resolution = Vec2(self.resolution.0 as usize, self.resolution.1 as usize);
         image.attributes.display_window = IntegerBounds::from_dimensions(resolution);
-        image.attributes.chromaticities = Some(REC709);
+        image.attributes.chromaticities = Some(chromaticities(options.primaries));
         super::atomic::write_atomically(path.as_ref(), |writer| {
             image.write().to_buffered(SortedHeader::new(writer)).map_err(|error| match error {
                 exr::error::Error::Io(source) => source,
@@ -110,20 +143,23 @@ impl Film {
     }
 
     fn exr_channels(&self, options: &ExrOptions) -> Vec<AnyChannel<FlatSamples>> {
-        let beauty = beauty::CHANNELS.into_iter().enumerate().map(|(c, name)| {
-            let values = self.pixels.iter().map(|pixel| pixel.mean()[c]);
-            let samples = if options.half {
+        let own = beauty::CHANNELS.into_iter().chain(options.channels.iter().map(|channel| channel.name.as_str()));
+        let names = options.pass_names.channels(own);
+        let beauty = (0..beauty::CHANNELS.len()).map(|c| {
+            let values = self.pixels.iter().map(|pixel| {
+                let [r, g, b, a] = pixel.mean();
+                let [r, g, b] = options.primaries.of_rec709([r, g, b]);
+                [r, g, b, a][c]
+            });
+            if options.half {
                 FlatSamples::F16(values.map(stored_half).collect())
             } else {
                 FlatSamples::F32(values.map(stored).collect())
-            };
-            AnyChannel::new(name, samples)
+            }
         });
-        let extra = options.channels.iter().map(|channel| {
-            debug_assert_eq!(channel.values.len(), self.pixels.len(), "values of channel {}", channel.name);
-            AnyChannel::new(channel.name.as_str(), FlatSamples::F32(channel.values.clone()))
-        });
-        beauty.chain(extra).collect()
+        let extra = (0..options.channels.len()).map(|number| FlatSamples::F32(options.values(number)));
+        let named = names.iter().zip(beauty.chain(extra));
+        named.map(|(name, samples)| AnyChannel::new(name.as_str(), samples)).collect()
     }
 
     fn layer_attributes(&self, options: &ExrOptions) -> LayerAttributes {
@@ -138,7 +174,7 @@ impl Film {
         };
         let mut set = |name: &str, value: AttributeValue| attributes.other.insert(Text::from(name), value);
         set("samplesPerPixel", AttributeValue::I32(self.spp().mean.round().min(f64::from(i32::MAX)) as i32));
-        set("colorInteropID", text("lin_rec709_scene"));
+        set("colorInteropID", text(options.primaries.interop_id()));
         set("pathspace/version", text(env!("CARGO_PKG_VERSION")));
         if let Some(seconds) = options.render_seconds.filter(|_| !options.reproducible) {
             set("renderTimeSeconds", AttributeValue::F32(seconds as f32));
@@ -157,23 +193,26 @@ impl Film {
             ("pathspace/plan", options.plan.clone()),
             ("pathspace/key", options.key.clone()),
             ("pathspace/accepted", options.accepted.clone()),
+            ("pathspace/denoised", options.denoised.clone()),
         ];
         for (name, value) in texts {
             if let Some(value) = value {
                 set(name, text(&value));
             }
         }
+        for matte in &options.mattes {
+            for (name, value) in matte.attributes(&options.pass_names.layer(&matte.layer)) {
+                set(&name, text(value));
+            }
+        }
         attributes
     }
 }
 
-/// Primaries and white point of ITU-R BT.709.
-const REC709: Chromaticities = Chromaticities {
-    red: Vec2(0.64, 0.33),
-    green: Vec2(0.30, 0.60),
-    blue: Vec2(0.15, 0.06),
-    white: Vec2(0.3127, 0.3290),
-};
+fn chromaticities(primaries: Primaries) -> Chromaticities {
+    let [red, green, blue, white] = primaries.chromaticities().map(|[x, y]| Vec2(x, y));
+    Chromaticities { red, green, blue, white }
+}
 
 const SOFTWARE: &str = concat!("pathspace ", env!("CARGO_PKG_VERSION"));
 
@@ -247,7 +286,8 @@ pub fn read_exr(path: &Path) -> Result<Picture> {
     let layer = image.layer_data;
     let (width, height) = (layer.size.0, layer.size.1);
     let values = |name: &str| -> Option<Vec<f32>> {
-        let channel = layer.channel_data.list.iter().find(|channel| channel.name.eq(name))?;
+        let called = |wanted: &str| layer.channel_data.list.iter().find(|channel| channel.name.eq(wanted));
+        let channel = called(name).or_else(|| called(&PassNames::Blender.channels([name])[0]))?;
         (channel.sampling == Vec2(1, 1)).then(|| channel.sample_data.values_as_f32().collect())
     };
     let rgb: Vec<[f32; 3]> = match (values("R"), values("G"), values("B"), values("Y")) {

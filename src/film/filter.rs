@@ -128,6 +128,9 @@ const CELLS: usize = 512;
 /// Steps of the cumulative sums that the tables are built from.
 const INTEGRATION_STEPS: usize = 1 << 16;
 
+/// Steps of the table of values from the centre to the radius.
+const VALUES: usize = 1024;
+
 /// A filter made ready for sampling.
 #[derive(Clone, Debug)]
 pub struct FilterTable {
@@ -140,25 +143,33 @@ pub struct FilterTable {
     p_positive: f32,
     /// ∫|h|/∫h along one axis; 1 without a negative lobe.
     magnitude: f32,
+    /// The filter along one axis over its integral, at equal steps from the centre to its radius; empty for those in
+    /// closed form.
+    values: Vec<f32>,
 }
 
 impl FilterTable {
     /// Builds the tables of `kind` (under a millisecond).
     pub fn new(kind: FilterKind) -> Self {
-        let mut table = FilterTable { kind, positive: vec![], negative: vec![], p_positive: 1.0, magnitude: 1.0 };
+        let (positive, negative, values) = (vec![], vec![], vec![]);
+        let mut table = FilterTable { kind, positive, negative, p_positive: 1.0, magnitude: 1.0, values };
         if matches!(kind, FilterKind::Box | FilterKind::Tent | FilterKind::Point) {
             return table;
         }
         let (crossing, radius) = (kind.zero_crossing(), f64::from(kind.radius()));
         let inner = inverse_cdf(kind, 0.0, crossing);
+        let mut integral = 2.0 * inner.integral;
         table.positive = inner.knots;
         if crossing < radius {
             let outer = inverse_cdf(kind, crossing, radius);
+            integral -= 2.0 * outer.integral;
             table.negative = outer.knots;
             table.p_positive = (inner.integral / (inner.integral + outer.integral)) as f32;
             // From the rounded probability, so that p·m − (1 − p)·m = 1 holds for what is really sampled.
             table.magnitude = (1.0 / (2.0 * f64::from(table.p_positive) - 1.0)) as f32;
         }
+        let value = |step| kind.value(radius * step as f64 / VALUES as f64) / integral;
+        table.values = (0..=VALUES).map(|step| value(step) as f32).collect();
         table
     }
 
@@ -178,6 +189,25 @@ impl FilterTable {
             _ => {
                 let (x, y) = (self.axis(u), self.axis(v));
                 FilterSample { dx: x.offset, dy: y.offset, weight: x.weight * y.weight }
+            }
+        }
+    }
+
+    /// The filter along one axis, `x` pixels from the centre, with an integral of 1: a pixel is the integral of
+    /// radiance times the product of both axes. Linear between the values of a table, which misses less than 10⁻⁵ of
+    /// the peak.
+    #[inline]
+    pub fn value(&self, x: f32) -> f32 {
+        let (x, radius) = (x.abs(), self.kind.radius());
+        match self.kind {
+            FilterKind::Box | FilterKind::Point => f32::from(u8::from(x <= radius)),
+            FilterKind::Tent => (1.0 - x).max(0.0),
+            _ if x >= radius => 0.0,
+            _ => {
+                let at = x / radius * VALUES as f32;
+                let step = (at as usize).min(VALUES - 1);
+                let (low, high) = (self.values[step], self.values[step + 1]);
+                low + (high - low) * (at - step as f32)
             }
         }
     }
@@ -288,6 +318,25 @@ mod tests {
         // Closed forms of two of them.
         assert!((second_moment(FilterKind::Box) - 1.0 / 12.0).abs() < 1e-9);
         assert!((second_moment(FilterKind::Tent) - 1.0 / 6.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn values_are_the_density_that_is_drawn() {
+        // Oracle: quadrature; the pixels around a point share 1, up to 0.3 % where the filter is not a partition of
+        // unity by construction. Deterministic.
+        for kind in FilterKind::ALL {
+            let table = FilterTable::new(kind);
+            let n = 1 << 14;
+            let at = |i: usize| (i as f32 + 0.5) / n as f32 * 2.0 * kind.radius() - kind.radius();
+            let step = 2.0 * f64::from(kind.radius()) / n as f64;
+            let (mut whole, mut second) = (0.0, 0.0);
+            for i in 0..n {
+                whole += f64::from(table.value(at(i))) * step;
+                second += f64::from(table.value(at(i))) * f64::from(at(i)).powi(2) * step;
+            }
+            assert!((whole - 1.0).abs() < 2e-4, "{kind}: {whole}");
+            assert!((second - second_moment(kind)).abs() < 2e-4, "{kind}: {second}");
+        }
     }
 
     #[test]

@@ -42,6 +42,8 @@ pub struct Look {
     pub tone_map: ToneMap,
     /// What is behind the scene.
     pub backdrop: Backdrop,
+    /// R, G, B by pixel of the film that are shown in the place of the beauty, if any.
+    pub filtered: Option<Vec<[f32; 3]>>,
 }
 
 /// What is behind the scene.
@@ -99,6 +101,7 @@ impl Look {
         exposure_ev: = f32,
         tone_map: = ToneMap,
         backdrop: = Backdrop,
+        filtered: into Option<Vec<[f32; 3]>>,
     }
 
     /// Layers that a film has to gather for this look.
@@ -112,7 +115,7 @@ impl Look {
     /// What the film looks like so.
     ///
     /// # Errors
-    /// [`Error::Option`] where the film lacks a layer, or a picture behind it has another size.
+    /// [`Error::Option`] where the film lacks a layer, or a picture behind it or in its place has another size.
     pub fn preview(&self, film: &Film) -> Result<Preview> {
         let gain = f64::from(self.exposure_ev).exp2();
         let shown = |rgb: [f64; 3]| self.tone_map.apply(rgb.map(|value| value * gain));
@@ -127,9 +130,12 @@ impl Look {
         {
             return Err(refused("the picture behind the scene has another size"));
         }
+        if self.filtered.as_ref().is_some_and(|filtered| filtered.len() != film.pixels.len()) {
+            return Err(refused("the filtered picture has another size"));
+        }
         for (p, pixel) in film.pixels.iter().enumerate() {
             let [r, g, b, _] = pixel.mean();
-            let rgb = [r, g, b];
+            let rgb = self.filtered.as_ref().map_or([r, g, b], |filtered| filtered[p].map(f64::from));
             let Some((background, coverage)) = &behind else {
                 bytes.extend(shown(rgb).map(srgb_byte));
                 continue;

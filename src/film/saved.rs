@@ -2,16 +2,20 @@
 //!
 //! Everything is 64-bit words, little-endian: magic, version, kind, then the body, then the digest of all words before
 //! it. Text is its length in bytes and its bytes in words, the last one filled up with zeros. A film's body:
-//! resolution, window, first sample; number of planes, each with its layer's name and values a pixel; the pixels, ten
-//! words each; the values of the planes. Readers refuse another version, and files that are cut short, longer, or
-//! changed.
+//! resolution, window, first sample; number of planes, each with its layer's name, values a pixel and, where these are
+//! by light group, the groups' names; the pixels, ten words each; the values of the planes; the lists of those that
+//! have them, each its length and its entries of two words. Readers refuse another version, and files that are cut
+//! short, longer, or changed.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
 use super::atomic::write_atomically;
+use super::ids::{Count, Ids};
 use super::layer::beauty::Pixel;
+use super::layer::kind::Values;
+use super::splats::Splats;
 use super::store::{Film, Plane, mix};
 use crate::error::{Error, Result};
 use crate::input;
@@ -22,7 +26,7 @@ use crate::plan::options::Crop;
 const MAGIC: u64 = u64::from_le_bytes(*b"\x93PSF\r\n\x1a\n");
 
 /// Version of the layout.
-const VERSION: u64 = 1;
+const VERSION: u64 = 3;
 
 /// Kind of a file that holds a film alone.
 const FILM: u64 = 1;
@@ -80,16 +84,21 @@ pub(crate) fn restore<T>(
         let bytes = file.metadata()?.len();
         let source = BufReader::with_capacity(1 << 20, file);
         let mut words = WordReader { source, digest: 0, left: bytes / 8 };
-        if bytes % 8 != 0 || words.left < 4 || words.take()? != MAGIC {
-            return Err(damaged("not a saved film"));
+        let start = input::read_at_most(path, 8)?;
+        if start != MAGIC.to_le_bytes() {
+            return Err(damaged(format!("expected a saved state, found {}", found(&start))));
         }
+        if bytes % 8 != 0 || words.left < 4 {
+            return Err(damaged("it is cut off"));
+        }
+        words.take()?;
         words.left -= 1;
         let version = words.take()?;
         if version != VERSION {
             return Err(damaged(format!("version {version} of the format; this program reads version {VERSION}")));
         }
         if words.take()? != kind {
-            return Err(damaged("a saved film of another kind"));
+            return Err(damaged("a state of another kind (film, render, checkpoint, survey)"));
         }
         let value = body(&mut words)?;
         if words.left != 0 {
@@ -103,6 +112,19 @@ pub(crate) fn restore<T>(
         Ok(value)
     };
     read().map_err(|source| Error::io(path, "restore", source))
+}
+
+/// What a file is that begins so.
+fn found(start: &[u8]) -> &'static str {
+    let json = || start.trim_ascii_start().starts_with(b"{");
+    match start {
+        [] => "an empty file",
+        [0x76, 0x2f, 0x31, 0x01, ..] => "an OpenEXR picture, which has not kept the sums (--checkpoint saves them)",
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => "a picture",
+        [b'g', b'l', b'T', b'F', ..] => "a scene",
+        _ if json() => "JSON (a scene? statistics?)",
+        _ => "something else",
+    }
 }
 
 impl<W: Write> WordWriter<W> {
@@ -200,7 +222,10 @@ impl Film {
         words.put(self.planes.len() as u64)?;
         for plane in &self.planes {
             words.put_text(plane.layer.aov.name())?;
-            words.put(plane.layer.width() as u64)?;
+            words.put(plane.width() as u64)?;
+            for group in &plane.groups {
+                words.put_text(group)?;
+            }
         }
         for pixel in &self.pixels {
             for half in 0..2 {
@@ -212,6 +237,13 @@ impl Film {
         }
         for value in self.planes.iter().flat_map(|plane| &plane.values) {
             words.put(value.to_bits())?;
+        }
+        for counts in self.planes.iter().flat_map(|plane| &plane.ids).map(Ids::counts) {
+            words.put(counts.len() as u64)?;
+            for count in counts {
+                words.put(count.id.into())?;
+                words.put(count.samples as u64)?;
+            }
         }
         Ok(())
     }
@@ -225,19 +257,24 @@ impl Film {
             return Err(damaged("its window does not lie inside the picture"));
         }
         let first_sample = words.take()?;
-        let (mut aovs, mut per_pixel) = (Vec::new(), 10);
+        let (mut aovs, mut groups, mut per_pixel) = (Vec::new(), Vec::new(), 10);
         for _ in 0..words.take()? {
             let aov: Aov = words.take_text()?.parse().map_err(|problem| damaged(format!("layer {problem}")))?;
-            let width = super::layer::find(aov).width() as u64;
-            if words.take()? != width || width == 0 || aovs.contains(&aov) {
+            let (layer, width) = (super::layer::find(aov), words.take()?);
+            if matches!(layer.values, Values::Groups) && groups.is_empty() {
+                words.expect(width / 3)?;
+                groups = (0..width / 3).map(|_| words.take_text()).collect::<io::Result<Vec<_>>>()?;
+            }
+            let groups = groups.len();
+            if width != layer.width(groups) as u64 || !layer.is_kept(groups) || aovs.contains(&aov) {
                 return Err(damaged(format!("layer '{aov}' keeps other values than here")));
             }
-            per_pixel += width;
+            per_pixel += width + u64::from(layer.is_of_ids());
             aovs.push(aov);
         }
         let pixels = u64::from(width) * u64::from(height);
         words.expect(pixels.saturating_mul(per_pixel))?;
-        let mut film = Film::with_layers(resolution, Crop { x, y, width, height }, &aovs);
+        let mut film = Film::with_groups(resolution, Crop { x, y, width, height }, &aovs, &groups);
         film.first_sample = first_sample;
         if !film.planes.iter().map(|plane| plane.layer.aov).eq(aovs) {
             return Err(damaged("its layers are in another order"));
@@ -255,8 +292,51 @@ impl Film {
                 *value = f64::from_bits(words.take()?);
             }
         }
+        for ids in film.planes.iter_mut().flat_map(|plane| &mut plane.ids) {
+            *ids = read_ids(words)?;
+        }
         Ok(film)
     }
+}
+
+impl Splats {
+    /// The body of saved sums of light paths: the unit's power of two, sample indices, light paths of the next one and
+    /// how many it has, values left out, then the sums.
+    pub(crate) fn write_words<W: Write>(&self, words: &mut WordWriter<W>) -> io::Result<()> {
+        let (samples, (begun, of)) = self.traced();
+        for word in [self.exponent() as i64 as u64, samples, begun, of, self.lost()] {
+            words.put(word)?;
+        }
+        self.sums().try_for_each(|sum| words.put(sum as u64))
+    }
+
+    /// Reads a body, for this window of a picture.
+    pub(crate) fn read_words<R: Read>(
+        words: &mut WordReader<R>,
+        resolution: (u32, u32),
+        window: Crop,
+    ) -> io::Result<Self> {
+        let exponent = words.take()? as i64;
+        let traced = (words.take()?, (words.take()?, words.take()?));
+        let lost = words.take()?;
+        let exponent = i32::try_from(exponent).ok().filter(|exponent| exponent.abs() < 1000);
+        let exponent = exponent.ok_or_else(|| damaged("a unit that no render has"))?;
+        let count = 6 * u64::from(window.width) * u64::from(window.height);
+        words.expect(count)?;
+        let sums = (0..count).map(|_| Ok(words.take()? as i64)).collect::<io::Result<_>>()?;
+        let empty = Splats::new(resolution, window, exponent);
+        Splats::restored(empty, traced, lost, sums).ok_or_else(|| damaged("sums of another window"))
+    }
+}
+
+fn read_ids<R: Read>(words: &mut WordReader<R>) -> io::Result<Ids> {
+    let length = words.take()?;
+    words.expect(length.saturating_mul(2))?;
+    let mut counts = Vec::with_capacity(length as usize);
+    for _ in 0..length {
+        counts.push(Count { id: words.take_u32()?, samples: words.take()? as i64 });
+    }
+    Ids::from_counts(counts).ok_or_else(|| damaged("a list of ids is not in order"))
 }
 
 #[cfg(test)]
@@ -267,7 +347,8 @@ mod tests {
     /// A film of every layer with noise in all of them.
     fn film() -> Film {
         let window = Crop { x: 3, y: 1, width: 5, height: 4 };
-        let mut film = Film::with_layers((9, 6), window, &Aov::all().collect::<Vec<_>>());
+        let groups = ["default".into(), "key light".into()];
+        let mut film = Film::with_groups((9, 6), window, &Aov::all().collect::<Vec<_>>(), &groups);
         let mut random = Pcg(5);
         film.first_sample = 1 << 40;
         for pixel in &mut film.pixels {
@@ -277,6 +358,9 @@ mod tests {
         }
         for value in film.planes.iter_mut().flat_map(|plane| &mut plane.values) {
             *value = f64::from(random.next()) * 1e-300;
+        }
+        for (p, ids) in film.planes.iter_mut().flat_map(|plane| &mut plane.ids).enumerate() {
+            (0..p as u32 % 3).for_each(|i| ids.add(i << 30, i64::from(i) - 1));
         }
         film
     }
@@ -290,7 +374,7 @@ mod tests {
         saved.save(&path).expect("a writable folder");
         let restored = Film::restore(&path).expect("just saved");
         assert_eq!((restored.digest(), &restored), (saved.digest(), &saved));
-        assert_eq!(saved.planes().len(), Aov::all().filter(|aov| crate::film::layer::find(*aov).width() > 0).count());
+        assert_eq!(saved.planes().len(), Aov::all().filter(|aov| crate::film::layer::find(*aov).is_kept(2)).count());
     }
 
     /// Every changed byte, every length but the right one, and another version are refused, with the file's name.
@@ -302,7 +386,7 @@ mod tests {
         small.window = Crop { x: 0, y: 0, width: 1, height: 1 };
         small.pixels.truncate(1);
         small.planes.truncate(1);
-        let width = small.planes[0].layer.width();
+        let width = small.planes[0].width();
         small.planes[0].values.truncate(width);
         small.save(&path).expect("a writable folder");
         let whole = std::fs::read(&path).expect("just saved");
@@ -322,7 +406,7 @@ mod tests {
         }
         refused(&[&whole[..], &[0; 8]].concat());
         let mut other = whole.clone();
-        other[8] = 2;
-        assert!(refused(&other).contains("version 2"));
+        other[8] = 1;
+        assert!(refused(&other).contains("version 1 "));
     }
 }

@@ -1,12 +1,15 @@
 //! The film: one store for the beauty and every other layer, with one merge, one hash and one file (`saved.rs`).
 //!
 //! The beauty is an array of [`Pixel`]s; another layer that keeps something is a [`Plane`] of f64 values beside it, as
-//! many a pixel as the layer says. Sums count the same samples as the beauty does, so that a pixel has one count.
+//! many a pixel as the layer says, or of lists of ids. Sums count the same samples as the beauty does, so that a pixel
+//! has one count.
 
 use super::channel::{Channel, stored};
+use super::cryptomatte;
+use super::ids::Ids;
 use super::layer::beauty::Pixel;
 use super::layer::bounces::PathLengths;
-use super::layer::kind::{Layer, Values};
+use super::layer::kind::{Layer, Shape, Values};
 use super::layer::{self, LAYERS};
 use crate::error::{Error, Result};
 use crate::plan::aov::{Aov, Gathers};
@@ -39,13 +42,17 @@ pub struct Film {
     pub(super) planes: Vec<Plane>,
 }
 
-/// What one layer keeps: some values for each of a number of pixels, pixel by pixel.
+/// What one layer keeps: some values for each of a number of pixels, pixel by pixel, or a list of ids for each.
 #[derive(Clone, Debug)]
 pub struct Plane {
     /// Whose values they are.
     pub layer: &'static Layer,
-    /// `layer.width()` values a pixel.
+    /// Names of the light groups, where the values are by these.
+    pub(super) groups: Vec<String>,
+    /// [`width`](Self::width) values a pixel.
     pub values: Vec<f64>,
+    /// A list a pixel where the layer is of ids; else empty.
+    pub ids: Vec<Ids>,
 }
 
 /// A block of samples of some pixels, on its way into a film.
@@ -70,28 +77,50 @@ pub struct SppRange {
 }
 
 impl Plane {
-    /// A plane of `pixels` pixels without samples.
-    pub(super) fn new(layer: &'static Layer, pixels: usize) -> Self {
-        let one: Vec<f64> = (0..layer.width()).map(|value| layer.initial(value)).collect();
-        Plane { layer, values: one.repeat(pixels) }
+    /// A plane of `pixels` pixels without samples; `groups` are the light groups of the film.
+    pub(super) fn new(layer: &'static Layer, groups: &[String], pixels: usize) -> Self {
+        let groups = if matches!(layer.values, Values::Groups) { groups.to_vec() } else { Vec::new() };
+        let lists = if layer.is_of_ids() { pixels } else { 0 };
+        let mut plane = Plane { layer, groups, values: Vec::new(), ids: vec![Ids::default(); lists] };
+        let one: Vec<f64> = (0..plane.width()).map(|value| layer.initial(value)).collect();
+        plane.values = one.repeat(pixels);
+        plane
+    }
+
+    /// A plane of the same layer.
+    pub(super) fn like(&self, pixels: usize) -> Self {
+        Plane::new(self.layer, &self.groups, pixels)
+    }
+
+    /// Values a pixel.
+    pub fn width(&self) -> usize {
+        self.layer.width(self.groups.len())
+    }
+
+    /// What two planes share whose values may be added.
+    fn kind(&self) -> (Aov, &[String]) {
+        (self.layer.aov, &self.groups)
     }
 
     /// The values of pixel `p`.
     pub fn pixel(&self, p: usize) -> &[f64] {
-        let width = self.layer.width();
+        let width = self.width();
         &self.values[p * width..][..width]
     }
 
     /// The same, to be changed.
     pub fn pixel_mut(&mut self, p: usize) -> &mut [f64] {
-        let width = self.layer.width();
+        let width = self.width();
         &mut self.values[p * width..][..width]
     }
 
-    /// Adds the values of another plane's pixel to those of pixel `p`, which has `samples` so far.
-    fn merge(&mut self, p: usize, samples: u64, other: &[f64]) {
+    /// Adds what pixel `from` of another plane has to pixel `p`, which has `samples` so far.
+    fn merge(&mut self, p: usize, samples: u64, other: &Plane, from: usize) {
+        if let Some(ids) = self.ids.get_mut(p) {
+            ids.merge(&other.ids[from]);
+        }
         let once = matches!(self.layer.values, Values::Once { .. });
-        for (value, &other) in self.pixel_mut(p).iter_mut().zip(other) {
+        for (value, &other) in self.pixel_mut(p).iter_mut().zip(other.pixel(from)) {
             match once {
                 false => *value += other,
                 true if samples == 0 => *value = other,
@@ -105,14 +134,18 @@ impl Patch {
     /// For `pixels` pixels, whose values are yet to be written.
     pub fn resize(&mut self, pixels: usize) {
         self.pixels.resize(pixels, Pixel::default());
-        self.planes.iter_mut().for_each(|plane| plane.values.resize(pixels * plane.layer.width(), 0.0));
+        for plane in &mut self.planes {
+            plane.values.resize(pixels * plane.width(), 0.0);
+            plane.ids.resize(if plane.layer.is_of_ids() { pixels } else { 0 }, Ids::default());
+        }
     }
 
     /// Gives the layers besides the beauty the values that a pixel without samples has.
     pub fn clear_planes(&mut self) {
         for plane in &mut self.planes {
-            let layer = plane.layer;
-            for pixel in plane.values.chunks_exact_mut(layer.width()) {
+            let (layer, width) = (plane.layer, plane.width());
+            plane.ids.iter_mut().for_each(Ids::clear);
+            for pixel in plane.values.chunks_exact_mut(width.max(1)) {
                 pixel.iter_mut().enumerate().for_each(|(value, kept)| *kept = layer.initial(value));
             }
         }
@@ -121,7 +154,7 @@ impl Patch {
 
 impl PartialEq for Plane {
     fn eq(&self, other: &Self) -> bool {
-        self.layer.aov == other.layer.aov && self.values == other.values
+        self.kind() == other.kind() && self.values == other.values && self.ids == other.ids
     }
 }
 
@@ -133,9 +166,14 @@ impl Film {
 
     /// An empty film that keeps the beauty and what `aovs` need.
     pub fn with_layers(resolution: (u32, u32), window: Crop, aovs: &[Aov]) -> Self {
+        Film::with_groups(resolution, window, aovs, &[])
+    }
+
+    /// The same with light groups of these names, which [`Aov::LIGHT_GROUPS`] is by.
+    pub fn with_groups(resolution: (u32, u32), window: Crop, aovs: &[Aov], groups: &[String]) -> Self {
         let pixels = window.width as usize * window.height as usize;
-        let kept = LAYERS.iter().copied().filter(|layer| layer.width() > 0 && aovs.contains(&layer.aov));
-        let planes = kept.map(|layer| Plane::new(layer, pixels)).collect();
+        let kept = LAYERS.iter().copied().filter(|layer| layer.is_kept(groups.len()) && aovs.contains(&layer.aov));
+        let planes = kept.map(|layer| Plane::new(layer, groups, pixels)).collect();
         Film { resolution, window, first_sample: 0, pixels: vec![Pixel::default(); pixels], planes }
     }
 
@@ -180,13 +218,13 @@ impl Film {
 
     /// Whether `other` has the same layers.
     pub(crate) fn is_like_in_layers(&self, other: &Film) -> bool {
-        self.planes.iter().map(|plane| plane.layer.aov).eq(other.planes.iter().map(|plane| plane.layer.aov))
+        self.planes.iter().map(Plane::kind).eq(other.planes.iter().map(Plane::kind))
     }
 
     /// A film of other pixels of the picture, without samples.
     pub(crate) fn resized(&self, window: Crop) -> Film {
         let pixels = window.width as usize * window.height as usize;
-        let planes = self.planes.iter().map(|plane| Plane::new(plane.layer, pixels)).collect();
+        let planes = self.planes.iter().map(|plane| plane.like(pixels)).collect();
         Film { window, pixels: vec![Pixel::default(); pixels], planes, ..*self }
     }
 
@@ -199,7 +237,7 @@ impl Film {
     pub(super) fn merge_pixel(&mut self, at: usize, pixel: &Pixel, planes: &[Plane], from: usize) {
         let samples = self.pixels[at].samples();
         for (plane, source) in self.planes.iter_mut().zip(planes) {
-            plane.merge(at, samples, source.pixel(from));
+            plane.merge(at, samples, source, from);
         }
         self.pixels[at].merge(pixel);
     }
@@ -209,6 +247,9 @@ impl Film {
         self.pixels[at] = Pixel::default();
         for plane in &mut self.planes {
             let layer = plane.layer;
+            if let Some(ids) = plane.ids.get_mut(at) {
+                ids.clear();
+            }
             plane.pixel_mut(at).iter_mut().enumerate().for_each(|(value, kept)| *kept = layer.initial(value));
         }
     }
@@ -240,13 +281,45 @@ impl Film {
         Ok(())
     }
 
-    /// The values of a layer, three a pixel: means, or what was met once. `None` where the film has not kept it, and
-    /// for `bounces`, which has [more](Self::path_lengths).
+    /// The values of a layer, three a pixel: means, or what was met once. `None` where the film has not kept it, for
+    /// `bounces` and `lightgroups`, which have [more](Self::path_lengths), and for lists of [ids](Self::ids).
     pub fn layer(&self, aov: Aov) -> Option<Vec<[f64; 3]>> {
         let layer = layer::find(aov);
-        let (kept, pixels) = (layer.width() == 3 || layer.width() == 0, 0..self.pixels.len());
+        let three = [0, 3].contains(&layer.width(0)) || matches!(layer.values, Values::Halves(3));
+        let (kept, pixels) = (three && aov != Aov::LIGHT_GROUPS, 0..self.pixels.len());
         let values = self.values(layer).filter(|_| kept)?;
         Some(pixels.map(|p| std::array::from_fn(|value| values(p, value))).collect())
+    }
+
+    /// The means of a layer over one half of the samples alone, three a pixel; `None` where the film has not kept it,
+    /// and for layers that are not kept by halves.
+    pub fn layer_of_half(&self, aov: Aov, half: usize) -> Option<Vec<[f64; 3]>> {
+        let plane = self.planes.iter().find(|plane| plane.layer.aov == aov)?;
+        let Values::Halves(3) = plane.layer.values else { return None };
+        let mean = |(p, pixel): (usize, &Pixel)| {
+            let sums = &plane.pixel(p)[3 * half..];
+            std::array::from_fn(|c| sums[c] / pixel.n[half].max(1) as f64)
+        };
+        Some(self.pixels.iter().enumerate().map(mean).collect())
+    }
+
+    /// The ids that a layer has of each pixel. `None` where the film has not kept it, and for layers of values.
+    pub fn ids(&self, aov: Aov) -> Option<&[Ids]> {
+        let plane = self.planes.iter().find(|plane| plane.layer.aov == aov && plane.layer.is_of_ids())?;
+        Some(&plane.ids)
+    }
+
+    /// Names of the light groups that the film has kept, `default` first.
+    pub fn light_groups(&self) -> &[String] {
+        self.planes.iter().find(|plane| plane.layer.aov == Aov::LIGHT_GROUPS).map_or(&[], |plane| &plane.groups)
+    }
+
+    /// Mean radiance of the lights of a group, per pixel; `None` where the film has not kept it.
+    pub fn light_group(&self, name: &str) -> Option<Vec<[f64; 3]>> {
+        let number = self.light_groups().iter().position(|group| group == name)?;
+        let values = self.values(layer::find(Aov::LIGHT_GROUPS))?;
+        let of = |p| std::array::from_fn(|c| values(p, 3 * number + c));
+        Some((0..self.pixels.len()).map(of).collect())
     }
 
     /// The images by path length, if they were kept.
@@ -257,12 +330,32 @@ impl Film {
 
     /// The channels of `aovs`, for paths of at most `max_depth` edges; none for layers that the film has not kept.
     pub fn channels(&self, aovs: &[Aov], max_depth: u32) -> Vec<Channel> {
+        self.channels_in(aovs, max_depth, |_| true)
+    }
+
+    /// Names of [`channels`](Self::channels), whether they were kept or not.
+    pub fn channel_names(&self, aovs: &[Aov], max_depth: u32) -> Vec<String> {
+        let shape = Shape { max_depth, groups: self.light_groups() };
+        let names = aovs.iter().flat_map(|&aov| (layer::find(aov).channels)(&shape));
+        names.map(|(name, _)| name).collect()
+    }
+
+    /// The [`channels`](Self::channels) of those names that `wanted` picks.
+    pub fn channels_in(&self, aovs: &[Aov], max_depth: u32, wanted: impl Fn(&str) -> bool) -> Vec<Channel> {
         let mut channels = Vec::new();
+        let shape = Shape { max_depth, groups: self.light_groups() };
         for layer in aovs.iter().map(|&aov| layer::find(aov)) {
+            if let Some(lists) = self.ids(layer.aov) {
+                let all: Vec<_> = lists.iter().map(cryptomatte::values).collect();
+                let of = |value: usize| all.iter().map(|values| values[value]).collect();
+                let named = (layer.channels)(&shape).into_iter().filter(|(name, _)| wanted(name));
+                channels.extend(named.map(|(name, value)| Channel { name, is_color: false, values: of(value) }));
+                continue;
+            }
             let Some(values) = self.values(layer) else { continue };
-            for (name, value) in (layer.channels)(max_depth) {
+            for (name, value) in (layer.channels)(&shape).into_iter().filter(|(name, _)| wanted(name)) {
                 let values = (0..self.pixels.len()).map(|p| stored(values(p, value))).collect();
-                channels.push(Channel { name, values });
+                channels.push(Channel { is_color: layer.is_color(&name), name, values });
             }
         }
         channels
@@ -271,14 +364,15 @@ impl Film {
     /// What `layer` shows of a pixel, value by value.
     fn values(&self, layer: &'static Layer) -> Option<impl Fn(usize, usize) -> f64> {
         let plane = self.planes.iter().find(|plane| plane.layer.aov == layer.aov);
-        if plane.is_none() && layer.aov.gathers() != Gathers::Nothing {
+        if layer.is_of_ids() || plane.is_none() && layer.aov.gathers() != Gathers::Nothing {
             return None;
         }
         let kept = move |p: usize, value: usize| plane.map_or(0.0, |plane| plane.pixel(p)[value]);
         Some(move |p: usize, value: usize| match layer.values {
             Values::Beauty(of_pixel) => of_pixel(&self.pixels[p])[value],
-            Values::Mean(_) => kept(p, value) / self.pixels[p].samples().max(1) as f64,
-            Values::Once { .. } => kept(p, value),
+            Values::Mean(_) | Values::Groups => kept(p, value) / self.pixels[p].samples().max(1) as f64,
+            Values::Halves(width) => (kept(p, value) + kept(p, width + value)) / self.pixels[p].samples().max(1) as f64,
+            Values::Once { .. } | Values::Ids(_) => kept(p, value),
         })
     }
 
@@ -334,8 +428,15 @@ impl Film {
     pub fn digest(&self) -> u64 {
         let mut digest = mix(self.hash(), self.first_sample);
         for plane in &self.planes {
-            digest = plane.layer.aov.name().bytes().fold(digest, |digest, byte| mix(digest, u64::from(byte)));
+            for text in std::iter::once(plane.layer.aov.name()).chain(plane.groups.iter().map(String::as_str)) {
+                digest = text.bytes().fold(digest, |digest, byte| mix(digest, u64::from(byte)));
+            }
             digest = plane.values.iter().fold(digest, |digest, value| mix(digest, value.to_bits()));
+            for counts in plane.ids.iter().map(Ids::counts) {
+                digest = mix(digest, counts.len() as u64);
+                let entries = counts.iter().flat_map(|count| [count.id.into(), count.samples as u64]);
+                digest = entries.fold(digest, mix);
+            }
         }
         digest
     }

@@ -99,6 +99,28 @@ pub fn hit_error_moving(triangle: (Vec3, Vec3, Vec3), p: Vec3, reach: &Affine3A,
     MOVING * hit_error_instanced(triangle, p, reach, object_from_world)
 }
 
+/// As [`hit_error_moving`] for a mesh that changes its shape as well: its corners, none with a coordinate of a larger
+/// magnitude than `most`, were taken from their places in two shapes. That rounds a corner three times, in the record
+/// and in the traversal, so neighbouring roundings of either are beside the others; doubled.
+#[inline]
+pub fn hit_error_deforming(
+    triangle: (Vec3, Vec3, Vec3),
+    p: Vec3,
+    most: Vec3,
+    reach: &Affine3A,
+    object_from_world: &Affine3A,
+) -> f32 {
+    let (v0, e1, e2) = triangle;
+    let n = Normal::new(e1, e2);
+    let normal = Vec3::from(object_from_world.matrix3.transpose() * glam::Vec3A::from(n.unit));
+    let corners = n.along(most * (SHAPE_ROUNDING * UNIT_ROUNDOFF)) / normal.length();
+    hit_error_moving((v0, e1, e2), p.abs().max(most), reach, object_from_world) + corners
+}
+
+/// Roundings of a corner between two shapes: of the difference, of its share and of the sum, of numbers up to twice the
+/// corner's coordinates, in two ways, doubled.
+const SHAPE_ROUNDING: f32 = 16.0;
+
 /// Origin of a ray that leaves `p` along `dir`: moved by `error` along the unit normal `n_g` to the side of `dir`.
 #[inline(always)]
 pub fn spawn_origin(p: Vec3, n_g: Vec3, error: f32, dir: Vec3) -> Vec3 {

@@ -5,8 +5,9 @@ pub mod columns;
 pub mod float;
 pub mod frame;
 pub mod lanes;
+pub mod pareto;
 pub mod quad;
-#[allow(unsafe_code)] // Fence 3 of 3: instructions by name, and calls into code compiled for AVX-512.
+#[allow(unsafe_code)] // Fence 3 of 5: instructions by name, and calls into code compiled for AVX-512.
 pub mod simd;
 pub mod table;
 pub mod warp;

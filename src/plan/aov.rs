@@ -36,11 +36,39 @@ pub enum Gathers {
         /// At most.
         most: usize,
     },
+    /// Radiance by the group of its light.
+    LightGroups,
+    /// Radiance that the first vertex after the camera scattered so.
+    Scattered(Lobes),
+    /// Three numbers of the surface that each path comes to through mirrors and smooth glass.
+    Followed(Guide),
     /// Three numbers of what each camera sample meets first, averaged as the beauty is.
     FirstHit,
     /// Three numbers of what the ray through the pixel's centre meets as the shutter opens: a mean across an edge is a
     /// point on no surface.
     Centre,
+}
+
+/// How a vertex scatters light, in four that are all of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Lobes {
+    /// Reflected by the diffuse base of a surface.
+    Diffuse,
+    /// Reflected by anything else: mirrors, facets, coats, fibres.
+    Glossy,
+    /// Through a surface, by any lobe.
+    Transmission,
+    /// By the particles of a medium.
+    Volume,
+}
+
+/// What denoisers are told of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Guide {
+    /// Its base colour.
+    Albedo,
+    /// Its shading normal.
+    Normal,
 }
 
 impl Aov {

@@ -73,6 +73,7 @@ const APPROXIMATIONS: [fn(&Material, &Facts) -> Option<String>; 5] = [
 pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     let Asked { scene, options, .. } = *asked;
     let mut ledger = vec![depth_limit(asked)];
+    ledger.extend(scene.left_out.iter().filter_map(|left_out| Some(Bias::unmeasured(left_out.bias()?))));
     if !options.strategy.techniques.light && scene.punctual.iter().any(|l| l.intensity.max_element() > 0.0) {
         ledger.push(Bias::unmeasured("strategy bsdf: punctual lights are not found"));
     }
@@ -82,7 +83,7 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     if features.normal_maps && !features.folded_normals {
         ledger.push(Bias::unmeasured("fold-normals off: light that normal maps send below the surface is lost"));
     }
-    ledger.extend(unfound(asked, features).map(Bias::unmeasured));
+    ledger.extend(unfound(asked, features.nested, features.light_paths).map(Bias::unmeasured));
     if asked.geometry.coincident.crowded() {
         ledger.push(Bias::unmeasured(
             "coincident faces: in crowded planes not all are known; which of them is met is open",
@@ -91,6 +92,11 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
     if asked.geometry.coincident.unsearched() {
         ledger.push(Bias::unmeasured(
             "coincident faces: those of instanced placements were not all looked for; which of them is met is open",
+        ));
+    }
+    if asked.geometry.coincident.moving() {
+        ledger.push(Bias::unmeasured(
+            "coincident faces: placements move with faces that lie on one another; which of them is met is open",
         ));
     }
     if features.media {
@@ -116,10 +122,10 @@ pub(super) fn ledger(asked: &Asked, features: &Features) -> Vec<Bias> {
 }
 
 /// Punctual light on paths that no technique finds: a light without extent is not met by chance, and light samples do
-/// not bend at mirrors and smooth glass.
-fn unfound(asked: &Asked, features: &Features) -> Option<String> {
+/// not bend at mirrors and smooth glass. Light paths do, but end where the camera sees by such a way as well.
+pub(super) fn unfound(asked: &Asked, nested: bool, light_paths: bool) -> Option<String> {
     // Light goes straight through boundaries between equal indices, and light samples with it.
-    let straight = |placed: &Placed| placed.facts.has(Fact::Clear) && !features.nested && placed.material.ior == 1.0;
+    let straight = |placed: &Placed| placed.facts.has(Fact::Clear) && !nested && placed.material.ior == 1.0;
     let shines = |light: &&PunctualLight| light.intensity.max_element() > 0.0;
     let lights: Vec<&str> = asked.scene.punctual.iter().filter(shines).map(|light| light.name.as_str()).collect();
     let smooth = |placed: &&Placed| placed.facts.has(Fact::Mirror) && !straight(placed);
@@ -131,9 +137,10 @@ fn unfound(asked: &Asked, features: &Features) -> Option<String> {
         }
     }
     let wanted = asked.options.strategy.techniques.light && !lights.is_empty() && !casters.is_empty();
+    let seen = if light_paths { ", seen by such a way itself," } else { "" };
     let what = || {
         format!(
-            "light of {} by way of smooth reflection or transmission at {} is found by no technique",
+            "light of {} by way of smooth reflection or transmission at {}{seen} is found by no technique",
             quoted(&lights),
             quoted(&casters)
         )
@@ -143,7 +150,7 @@ fn unfound(asked: &Asked, features: &Features) -> Option<String> {
 
 /// Names for people: three at most.
 fn quoted(names: &[&str]) -> String {
-    let mut list = names.iter().take(3).map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    let mut list = names.iter().take(3).map(|name| format!("'{}'", one_line(name))).collect::<Vec<_>>().join(", ");
     if names.len() > 3 {
         list += &format!(" and {} more", names.len() - 3);
     }

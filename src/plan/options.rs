@@ -2,9 +2,11 @@
 //! them.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::aov::Aov;
+use super::light_groups::LightGroup;
 use crate::backend::select::Pins;
 use crate::backend::{BackendKind, QueryMode};
 use crate::setters::setters;
@@ -120,6 +122,12 @@ impl Strategy {
     /// Light sampling alone, wherever it can find a light.
     pub const LIGHT: Strategy = Strategy { techniques: Techniques { bsdf: false, light: true }, ..Strategy::MIS };
 
+    /// The same with other techniques, if there are any.
+    #[must_use]
+    pub fn with(self, techniques: Option<Techniques>) -> Self {
+        Strategy { techniques: techniques.unwrap_or(self.techniques), ..self }
+    }
+
     /// Spelling on the command line.
     pub fn name(self) -> &'static str {
         match (self.techniques, self.heuristic) {
@@ -144,6 +152,37 @@ impl fmt::Display for Strategy {
     }
 }
 
+/// Whether light paths take part: paths from the lights, aimed at mirrors, glass and smooth metal, that are connected
+/// with the camera. (They find what [`Techniques`] find by luck, and what those do not: light of punctual lights by way
+/// of mirrors and smooth glass.)
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum LightPaths {
+    /// Where the scene calls for them and they pay.
+    #[default]
+    Auto,
+    /// Never.
+    Off,
+    /// Wherever the scene calls for them: so many for each pixel and sample, in (0, 1].
+    Share(f32),
+    /// The same, and what they can find is left to them: for comparisons.
+    Alone(f32),
+}
+
+/// Whether a guide takes part: directions from which light was seen to come, learnt cell by cell in a survey before the
+/// first sample, and mixed with those of the BSDF.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Guiding {
+    /// Where a survey says that it pays.
+    #[default]
+    Auto,
+    /// Never.
+    Off,
+    /// In every cell in which it pays.
+    On,
+}
+
 /// How textures are looked up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -161,6 +200,31 @@ impl TextureFilter {
         match self {
             TextureFilter::Exact => "exact",
             TextureFilter::Trilinear => "trilinear",
+        }
+    }
+}
+
+/// Who meets the backs of surfaces whose material is not `doubleSided`. (Boundaries of solids are there from both
+/// sides.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Backfaces {
+    /// Every ray.
+    #[default]
+    Show,
+    /// Every ray but those from the camera, which pass them.
+    Hide,
+    /// No ray.
+    HideAll,
+}
+
+impl Backfaces {
+    /// Spelling on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Backfaces::Show => "show",
+            Backfaces::Hide => "hide",
+            Backfaces::HideAll => "hide-all",
         }
     }
 }
@@ -249,6 +313,13 @@ pub struct RenderOptions {
     pub roulette_start: u32,
     /// How light is found.
     pub strategy: Strategy,
+    /// Whether light paths take part.
+    pub light_paths: LightPaths,
+    /// The survey that [`LightPaths::Auto`] goes by: read where the file is there, else made and written to it. `None`
+    /// makes one for each renderer.
+    pub survey: Option<PathBuf>,
+    /// Whether a guide takes part.
+    pub guiding: Guiding,
     /// Where the random numbers come from.
     pub sampler: SamplerKind,
     /// How textures are looked up.
@@ -256,6 +327,10 @@ pub struct RenderOptions {
     /// Whether light that normal maps send below the surface goes to its mirror image above, and facets that face away
     /// are turned to the viewer. Off, that light is lost.
     pub fold_normals: bool,
+    /// Whether light that rough metals and glass scatter between their facets is given back.
+    pub multiscatter: bool,
+    /// Who meets the backs of one-sided surfaces.
+    pub backfaces: Backfaces,
     /// Ray backend; `None` takes the fastest of this build for the scene ([`select`](crate::backend::select)). `rays`,
     /// `isa` and `robust` do not change it: where it cannot honour one of them, the plan refuses.
     pub backend: Option<BackendKind>,
@@ -270,6 +345,8 @@ pub struct RenderOptions {
     pub per_length: bool,
     /// Layers besides the beauty.
     pub aovs: Vec<Aov>,
+    /// What [`Aov::LIGHT_GROUPS`] is by, besides the groups that the scene names.
+    pub light_groups: Vec<LightGroup>,
     /// Stages that run although nothing calls for them; the picture stays the same. For tests and benches.
     pub forced: Vec<Gate>,
 }
@@ -295,15 +372,21 @@ impl Default for RenderOptions {
             roulette: Roulette::On,
             roulette_start: ROULETTE_START,
             strategy: Strategy::MIS,
+            light_paths: LightPaths::Auto,
+            survey: None,
+            guiding: Guiding::Auto,
             sampler: SamplerKind::Sobol,
             texture_filter: TextureFilter::Exact,
             fold_normals: true,
+            multiscatter: false,
+            backfaces: Backfaces::Show,
             backend: None,
             rays: None,
             isa: None,
             robust: true,
             per_length: false,
             aovs: Vec::new(),
+            light_groups: Vec::new(),
             forced: Vec::new(),
         }
     }
@@ -354,14 +437,20 @@ impl RenderOptions {
         roulette: = Roulette,
         roulette_start: = u32,
         strategy: = Strategy,
+        light_paths: = LightPaths,
+        survey: into Option<PathBuf>,
+        guiding: = Guiding,
         sampler: = SamplerKind,
         texture_filter: = TextureFilter,
         fold_normals: = bool,
+        multiscatter: = bool,
+        backfaces: = Backfaces,
         backend: into Option<BackendKind>,
         rays: into Option<QueryMode>,
         robust: = bool,
         per_length: = bool,
         aovs: into Vec<Aov>,
+        light_groups: into Vec<LightGroup>,
         forced: into Vec<Gate>,
     }
 }

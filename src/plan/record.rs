@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::bias::Bias;
 use super::effects::table::Effects;
-use super::render_plan::RenderPlan;
+use super::render_plan::{GuideRecord, RenderPlan};
 use crate::backend::BackendInfo;
 
 /// What is reported of a plan. Its JSON keys are a contract: keys may be added, never renamed.
@@ -27,6 +27,29 @@ pub struct PlanRecord {
     pub aovs: Vec<&'static str>,
     /// What traces.
     pub backend: BackendRecord,
+    /// How light is found.
+    pub techniques: TechniquesRecord,
+}
+
+/// The techniques that find light.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct TechniquesRecord {
+    /// BSDF samples.
+    pub bsdf: bool,
+    /// Light samples.
+    pub light: bool,
+    /// Light paths for each pixel and sample; 0 without.
+    pub light_paths: f32,
+    /// Why so many.
+    pub reason: String,
+    /// Name of the file of the survey that says so, where one was read or written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub survey: Option<String>,
+    /// The guide; `None` without.
+    pub guide: Option<GuideRecord>,
+    /// Why there is one, or none.
+    pub guide_reason: String,
 }
 
 /// The choice of a backend.
@@ -66,6 +89,15 @@ impl PlanRecord {
             bias: plan.bias.clone(),
             aovs: plan.aovs.iter().map(|aov| aov.name()).collect(),
             backend: BackendRecord { name: plan.backend.name(), reason: plan.backend_reason.clone() },
+            techniques: TechniquesRecord {
+                bsdf: plan.strategy.techniques.bsdf,
+                light: plan.strategy.techniques.light,
+                light_paths: plan.light_paths,
+                reason: plan.light_paths_reason.clone(),
+                survey: plan.survey.clone(),
+                guide: plan.guide,
+                guide_reason: plan.guide_reason.clone(),
+            },
         }
     }
 }
@@ -82,6 +114,20 @@ impl fmt::Display for PlanRecord {
         writeln!(f, "traced by   {}: {}", self.backend.name, self.backend.reason)?;
         let rays = &self.rays;
         writeln!(f, "rays        camera {}, bounce {}, shadow {}", rays.camera, rays.bounce, rays.shadow)?;
+        let TechniquesRecord { bsdf, light, light_paths, reason, survey, guide, guide_reason } = &self.techniques;
+        let with = |on: &bool, name| if *on { name } else { "" };
+        let paths = match *light_paths > 0.0 {
+            true => format!("{light_paths} light paths a sample"),
+            false => "no light paths".into(),
+        };
+        let by = survey.as_ref().map_or(String::new(), |name| format!(" ({name})"));
+        writeln!(f, "light by    {}{}{paths}: {reason}{by}", with(bsdf, "bsdf, "), with(light, "light, "))?;
+        match guide {
+            Some(guide) => {
+                writeln!(f, "guided      in {} of {} cells: {guide_reason}", guide.guiding, guide.cells)?;
+            }
+            None => writeln!(f, "guided      no: {guide_reason}")?,
+        }
         write!(f, "wave        {} paths", self.wave)?;
         if !self.aovs.is_empty() {
             write!(f, "\naov         {}", self.aovs.join(", "))?;

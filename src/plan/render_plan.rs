@@ -4,13 +4,20 @@ use std::fmt;
 use std::time::Duration;
 
 use glam::Vec3;
+use serde::Serialize;
 
 use super::aov::Aov;
 use super::bias::{self, Bias};
 use super::effects::asked::Asked;
 use super::effects::table::{self, Effects, Features};
-use super::options::{CameraChoice, Crop, FilterKind, Fog, Lens, RenderOptions, Roulette, SamplerKind, Strategy};
-use crate::backend::{BackendKind, BackendOptions, QueryMode, select};
+use super::effects::{guide, light_paths};
+use super::light_groups::{self, LightGroups};
+use super::options::{
+    CameraChoice, Crop, FilterKind, Fog, Lens, LightPaths, RenderOptions, Roulette, SamplerKind, Strategy,
+};
+use super::view::view_of;
+use crate::backend::select::{self, Choice};
+use crate::backend::{BackendKind, BackendOptions, QueryMode};
 use crate::error::{Error, Result};
 use crate::machine;
 use crate::math::simd::detect;
@@ -20,6 +27,9 @@ use crate::scene::geometry::Geometry;
 /// Paths that one worker advances together. The columns of a wave (about 300 B a path with its two ray batches) then
 /// stay inside 1 MiB of L2.
 pub const WAVE: usize = 2048;
+
+/// Light paths for each pixel and sample unless the options say otherwise.
+const AUTO_SHARE: f32 = 0.25;
 
 /// Largest image side, pixels.
 pub const MAX_SIDE: u32 = 1 << 16;
@@ -82,12 +92,28 @@ pub struct RenderPlan {
     pub roulette_start: u32,
     /// How light is found: techniques, and the heuristic that weighs them.
     pub strategy: Strategy,
+    /// Light paths for each pixel and sample; 0 without.
+    pub light_paths: f32,
+    /// Why so many.
+    pub light_paths_reason: String,
+    /// Name of the file of the survey that says so, where one was read or written.
+    pub survey: Option<String>,
+    /// Whether what they can find is left to them.
+    pub light_paths_alone: bool,
+    /// What tells the guide from others, and where it guides; `None` without one.
+    pub guide: Option<GuideRecord>,
+    /// Why there is one, or none.
+    pub guide_reason: String,
+    /// What the ledger says of punctual light without them.
+    unfound: Option<String>,
     /// Random numbers.
     pub sampler: SamplerKind,
     /// Ray backend.
     pub backend: BackendKind,
     /// Why it is that one.
     pub backend_reason: String,
+    /// The choice, where none was asked for.
+    chosen: Option<Choice>,
     /// Query mode of each ray class.
     pub rays: RayModes,
     /// Instruction set to pin.
@@ -104,6 +130,8 @@ pub struct RenderPlan {
     pub effects: Effects,
     /// Layers besides the beauty.
     pub aovs: Vec<Aov>,
+    /// The groups of lights; none unless they are asked for.
+    pub light_groups: LightGroups,
     /// Whether the film keeps the images by path length, whatever layers are asked for.
     pub per_length: bool,
     /// Names of the stages that run, in order.
@@ -112,6 +140,18 @@ pub struct RenderPlan {
     pub bias: Vec<Bias>,
     /// Largest radiance that can arrive anywhere, by channel, W·sr⁻¹·m⁻²; `None` where nothing bounds it.
     pub radiance_bound: Option<[f64; 3]>,
+}
+
+/// What is known of a guide.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct GuideRecord {
+    /// Its cells.
+    pub cells: usize,
+    /// Those of them that guide.
+    pub guiding: usize,
+    /// Digest of its numbers.
+    pub digest: u64,
 }
 
 /// Fog and where it is.
@@ -151,6 +191,19 @@ impl RenderPlan {
     /// [`Error::Option`] for anything out of range, naming the option and what is accepted; [`Error::InvalidScene`] for
     /// a motion that cannot be traced.
     pub fn new(scene: &Scene, geometry: &Geometry, options: &RenderOptions) -> Result<Self> {
+        Self::resolve(scene, geometry, options, None)
+    }
+
+    /// Resolves other options for the same scene and geometry. The choice of a backend, which none of them changes, is
+    /// not made again.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn again(&self, scene: &Scene, geometry: &Geometry, options: &RenderOptions) -> Result<Self> {
+        Self::resolve(scene, geometry, options, self.chosen.as_ref())
+    }
+
+    fn resolve(scene: &Scene, geometry: &Geometry, options: &RenderOptions, known: Option<&Choice>) -> Result<Self> {
         let resolution = (options.width, options.height);
         for (option, side) in [("--width", options.width), ("--height", options.height)] {
             if side == 0 || side > MAX_SIDE {
@@ -192,14 +245,28 @@ impl RenderPlan {
         {
             return refuse("--roulette", format!("survival {q}; accepted are values in (0, 1]"));
         }
+        light_groups::check(&options.light_groups)?;
         scene.validate_motion()?;
         let camera = resolve_camera(scene, &options.camera)?;
-        let choice = select::select(options.backend, geometry, options.pins())?;
+        let fastest = || known.cloned().unwrap_or_else(|| select::fastest(geometry, || view_of(scene, geometry)));
+        let choice = select::select(options.backend, geometry, fastest, options.pins())?;
 
         let asked = Asked::new(scene, options, camera, geometry);
         let (mut features, effects) = table::find(&asked);
         let lens = options.lens.filter(|_| features.lens);
         table::force(&mut features, &options.forced, &asked);
+        let share = match options.light_paths {
+            LightPaths::Off => 0.0,
+            LightPaths::Auto => AUTO_SHARE,
+            LightPaths::Share(share) | LightPaths::Alone(share) => share,
+        };
+        let forced = matches!(options.light_paths, LightPaths::Share(_) | LightPaths::Alone(_));
+        if forced && !(share > 0.0 && share <= 1.0) {
+            return refuse("--techniques", format!("{share} light paths for a sample; accepted are shares in (0, 1]"));
+        }
+        if let Some(why) = light_paths::refusal(&asked).filter(|_| forced && light_paths::wanted(&asked)) {
+            return refuse("--techniques", format!("no light paths where {why}"));
+        }
         let mode = |auto| options.rays.or(choice.kind.only_mode()).unwrap_or(auto);
         let rays = RayModes {
             camera: mode(QueryMode::Packet16),
@@ -226,8 +293,16 @@ impl RenderPlan {
             roulette: options.roulette,
             roulette_start: options.roulette_start,
             strategy: options.strategy,
+            light_paths: if features.light_paths { share } else { 0.0 },
+            light_paths_reason: light_paths::reason(&asked),
+            survey: None,
+            unfound: bias::unfound(&asked, features.nested, false),
+            light_paths_alone: matches!(options.light_paths, LightPaths::Alone(_)),
+            guide: None,
+            guide_reason: guide::reason(&asked),
             sampler: options.sampler,
             backend: choice.kind,
+            chosen: options.backend.is_none().then(|| choice.clone()),
             backend_reason: choice.reason,
             rays,
             isa: options.isa.clone(),
@@ -238,10 +313,22 @@ impl RenderPlan {
             features,
             effects,
             aovs: options.aovs.clone(),
+            light_groups: match features.light_groups {
+                true => LightGroups::resolve(scene, &options.light_groups)?,
+                false => LightGroups::default(),
+            },
             per_length: options.per_length,
             bias: bias::ledger(&asked, &features),
             radiance_bound: bias::radiance_bound(scene).filter(|_| options.fog.is_none()),
         })
+    }
+
+    /// Takes this guide, or none, if there were to be one.
+    pub(crate) fn set_guide(&mut self, guide: Option<GuideRecord>, reason: String) {
+        self.features.guide &= guide.is_some();
+        self.guide = guide.filter(|_| self.features.guide);
+        self.guide_reason = reason;
+        self.stages = table::stages(&self.features);
     }
 
     /// Options of the backend.
@@ -251,10 +338,33 @@ impl RenderPlan {
             coherent: self.rays.camera,
             shadow: self.rays.shadow,
             robust: self.robust,
-            passes: self.features.alpha || self.features.boundaries,
+            passes: self.features.passes(1),
             isa: self.isa.clone(),
             build_threads: self.threads,
         }
+    }
+
+    /// Light paths as they are recorded: "0.25", "0.25 alone", "off".
+    pub(crate) fn light_paths_text(&self) -> String {
+        match (self.features.light_paths, self.light_paths_alone) {
+            (false, _) => "off".into(),
+            (true, false) => self.light_paths.to_string(),
+            (true, true) => format!("{} alone", self.light_paths),
+        }
+    }
+
+    /// Takes so many light paths for each pixel and sample, if there were to be any.
+    pub(crate) fn set_light_paths(&mut self, share: f32, reason: String) {
+        let planned = self.features.light_paths;
+        self.features.light_paths &= share > 0.0;
+        self.light_paths = if self.features.light_paths { share } else { 0.0 };
+        self.light_paths_reason = reason;
+        if let Some(what) = self.unfound.take().filter(|_| planned && !self.features.light_paths) {
+            let way = what.split(" is found by").next().unwrap_or(&what);
+            self.bias.retain(|bias| !bias.what.starts_with(way));
+            self.bias.push(Bias::unmeasured(what));
+        }
+        self.stages = table::stages(&self.features);
     }
 
     /// Whether emitters are sampled from surfaces at all.

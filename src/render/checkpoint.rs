@@ -10,7 +10,9 @@ use super::renderer::Renderer;
 use super::result::{Render, State};
 use super::{saved, schedule};
 use crate::error::Result;
+use crate::film::cryptomatte::Matte;
 use crate::film::exr::{ExrOptions, ViewMatrices};
+use crate::film::layer;
 use crate::film::saved::{WordReader, WordWriter, damaged, restore, save};
 use crate::plan::Aov;
 
@@ -43,6 +45,8 @@ pub struct About {
     pub max_depth: u32,
     /// Attributes of the picture.
     attributes: [Option<String>; 4],
+    /// Names of layers of ids.
+    mattes: Vec<Matte>,
     view: Option<ViewMatrices>,
 }
 
@@ -73,6 +77,7 @@ impl About {
             aovs: plan.aovs.clone(),
             max_depth: plan.max_depth,
             attributes: [exr.seed.map(|seed| seed.to_string()), exr.backend, exr.isa, exr.plan],
+            mattes: exr.mattes,
             view: exr.view,
         })
     }
@@ -109,6 +114,7 @@ impl About {
             .backend(backend)
             .isa(isa)
             .plan(plan)
+            .mattes(self.mattes.clone())
             .view(self.view)
             .accepted(Some(self.accepted.clone()).filter(|accepted| !accepted.is_empty()))
     }
@@ -140,7 +146,7 @@ impl Checkpoint {
 }
 
 fn write_about<W: Write>(about: &About, words: &mut WordWriter<W>) -> io::Result<()> {
-    let About { identity, goal, accepted, aovs, max_depth, attributes, view } = about;
+    let About { identity, goal, accepted, aovs, max_depth, attributes, mattes, view } = about;
     words.put(identity.values.len() as u64)?;
     for (name, value) in &identity.values {
         words.put_text(name)?;
@@ -155,6 +161,14 @@ fn write_about<W: Write>(about: &About, words: &mut WordWriter<W>) -> io::Result
     for attribute in attributes {
         words.put(attribute.is_some().into())?;
         words.put_text(attribute.as_deref().unwrap_or_default())?;
+    }
+    // Files without such layers have no word of them.
+    if has_ids(aovs) {
+        words.put(mattes.len() as u64)?;
+        for Matte { layer, manifest } in mattes {
+            words.put_text(layer)?;
+            words.put_text(manifest)?;
+        }
     }
     words.put(view.is_some().into())?;
     let numbers = view.iter().flat_map(|view| view.world_to_camera.into_iter().chain(view.world_to_ndc));
@@ -177,11 +191,21 @@ fn read_about<R: Read>(words: &mut WordReader<R>) -> io::Result<About> {
         let present = words.take()? == 1;
         *attribute = Some(words.take_text()?).filter(|_| present);
     }
+    let mut mattes = Vec::new();
+    if has_ids(&aovs) {
+        for _ in 0..words.take()? {
+            mattes.push(Matte { layer: words.take_text()?, manifest: words.take_text()? });
+        }
+    }
     let view = match words.take()? {
         0 => None,
         _ => Some(ViewMatrices { world_to_camera: read_matrix(words)?, world_to_ndc: read_matrix(words)? }),
     };
-    Ok(About { identity: Identity { values }, goal, accepted, aovs, max_depth, attributes, view })
+    Ok(About { identity: Identity { values }, goal, accepted, aovs, max_depth, attributes, mattes, view })
+}
+
+fn has_ids(aovs: &[Aov]) -> bool {
+    aovs.iter().any(|&aov| layer::find(aov).is_of_ids())
 }
 
 fn read_matrix<R: Read>(words: &mut WordReader<R>) -> io::Result<[f32; 16]> {
@@ -207,7 +231,7 @@ mod tests {
         b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, white);
         b.camera(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0);
         let scene = b.build();
-        let options = RenderOptions::new(8, 4).spp(3).aovs([Aov::SPP, Aov::ALBEDO]);
+        let options = RenderOptions::new(8, 4).spp(3).aovs([Aov::SPP, Aov::CRYPTO_OBJECT, Aov::ALBEDO]);
         let renderer = Renderer::new(&scene, options).expect("valid options");
         let mut about = About::of(&renderer).expect("no files to read");
         about.accepted = "isa: avx2 → avx512".into();
@@ -222,6 +246,7 @@ mod tests {
         assert!(Render::restore(&path).is_err() && Checkpoint::restore(folder.path()).is_err());
         let (a, b) = (restored.about.exr_options(&saved.render), renderer.exr_options(&saved.render));
         assert_eq!((a.seed, &a.plan, a.view, a.channels.len()), (b.seed, &b.plan, b.view, b.channels.len()));
+        assert_eq!((&a.mattes, a.mattes.len()), (&b.mattes, 1));
         assert_eq!(a.accepted, Some("isa: avx2 → avx512".into()));
     }
 }

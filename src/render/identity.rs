@@ -13,9 +13,11 @@ use glam::Affine3A;
 
 use super::renderer::Renderer;
 use crate::error::{Error, Result};
+use crate::film::layer;
 use crate::film::store::mix;
 use crate::input;
 use crate::math::simd::detect;
+use crate::plan::options::Backfaces;
 use crate::scene::{Environment, Scene};
 
 /// Named values.
@@ -31,6 +33,9 @@ pub const ISA: &str = "isa";
 /// Name of the value that says which program it was.
 pub const BUILD: &str = "build";
 
+/// Name of the value that lists the effects that are left out; there where any are.
+const WITHOUT: &str = "without";
+
 /// Names whose values may differ where one says so: the picture is then as right, but not the same in every bit.
 pub const MAY_DIFFER: [&str; 2] = [ISA, BUILD];
 
@@ -43,6 +48,8 @@ impl Identity {
         };
         let mut names: Vec<&String> = self.values.iter().map(|(name, _)| name).collect();
         names.extend(other.values.iter().map(|(name, _)| name).filter(|name| find(self, name) == "none"));
+        // What was left out explains what differs besides.
+        names.sort_by_key(|name| *name != WITHOUT);
         let pairs = names.into_iter().map(|name| (name.clone(), find(self, name), find(other, name)));
         pairs.filter(|(_, here, there)| here != there).collect()
     }
@@ -63,6 +70,7 @@ impl Renderer<'_> {
         let environment = scene.environment.as_ref().map(|e| (texels(e), e.rotation_rad, e.intensity));
         let text = |value: &dyn Debug| format!("{value:?}");
         let camera = &scene.cameras[plan.camera];
+        let named = plan.aovs.iter().any(|&aov| layer::find(aov).is_of_ids());
         let values = [
             ("scene", format!("{digest:016x}")),
             ("content", format!("{:016x}", content_of(scene))),
@@ -77,6 +85,7 @@ impl Renderer<'_> {
             ("max-depth", plan.max_depth.to_string()),
             ("roulette", format!("{:?} from {}", plan.roulette, plan.roulette_start)),
             ("strategy", plan.strategy.to_string()),
+            ("light-paths", plan.light_paths_text()),
             ("sampler", text(&plan.sampler)),
             ("texture-filter", if plan.features.footprints { "trilinear" } else { "exact" }.into()),
             ("fold-normals", plan.features.folded_normals.to_string()),
@@ -86,7 +95,23 @@ impl Renderer<'_> {
             (ISA, format!("{}, {}", detect::name(plan.avx512), backend.isa)),
             (BUILD, build()),
         ];
-        Ok(Identity { values: values.map(|(name, value)| (name.to_string(), value)).to_vec() })
+        let names = named.then(|| ("names", format!("{:016x}", names_of(scene))));
+        let left_out: Vec<&str> = scene.left_out.iter().map(|left_out| left_out.name.as_str()).collect();
+        let left_out = (!left_out.is_empty()).then(|| (WITHOUT, left_out.join(",")));
+        let light_groups = plan.features.light_groups.then(|| {
+            let digest = text(&plan.light_groups).bytes().fold(0, |digest, byte| mix(digest, byte.into()));
+            ("light-groups", format!("{} {digest:016x}", plan.light_groups.names.join(",")))
+        });
+        let multiscatter = plan.features.multiscatter.then(|| ("multiscatter", "on".to_string()));
+        let backfaces = plan.features.hidden_backs.then(|| {
+            let kind = if plan.features.hidden_to_all { Backfaces::HideAll } else { Backfaces::Hide };
+            ("backfaces", kind.name().to_string())
+        });
+        let guide = plan.guide.map(|guide| ("guide", format!("{} cells {:016x}", guide.guiding, guide.digest)));
+        let values = left_out.into_iter().chain(values).chain(names).chain(light_groups);
+        let values = values.chain(multiscatter).chain(backfaces).chain(guide);
+        let values = values.map(|(name, value)| (name.to_string(), value));
+        Ok(Identity { values: values.collect() })
     }
 }
 
@@ -99,15 +124,25 @@ fn build() -> String {
     }
 }
 
+fn text(digest: u64, text: &str) -> u64 {
+    text.bytes().fold(mix(digest, text.len() as u64), |digest, byte| mix(digest, byte.into()))
+}
+
+/// Digest of what layers of ids call the instances; materials have their part in [`content_of`].
+fn names_of(scene: &Scene) -> u64 {
+    (0..scene.instances.len())
+        .fold(0, |digest, instance| text(text(digest, &scene.object_name(instance)), &scene.asset_name(instance)))
+}
+
 /// Digest of what is made of the files: which of their scenes, variants, poses and motions.
 fn content_of(scene: &Scene) -> u64 {
-    let text =
-        |digest: u64, text: &str| text.bytes().fold(mix(digest, text.len() as u64), |d, byte| mix(d, byte.into()));
     let mut digest = scene.materials.iter().fold(0, |digest, material| text(digest, &format!("{material:?}")));
     digest = scene.punctual.iter().fold(digest, |digest, light| text(digest, &format!("{light:?}")));
     for mesh in &scene.meshes {
         let vertices = mesh.positions.iter().flat_map(|position| position.to_array());
         digest = vertices.fold(text(digest, &mesh.name), |digest, value| mix(digest, value.to_bits().into()));
+        let later = mesh.later.iter().flat_map(|shape| &shape.positions).flat_map(|position| position.to_array());
+        digest = later.fold(digest, |digest, value| mix(digest, value.to_bits().into()));
         digest = mix(digest, u64::from(mesh.material.0));
     }
     let posed = |digest: u64, pose: &Affine3A| {

@@ -3,7 +3,8 @@
 //!
 //! What is held already is measured (resident bytes), the rest is counted: the film and its layers, the waves of the
 //! workers, an EXR on its way to the disk exactly, the hierarchy by bytes a triangle (`backend/size.rs`). The total is
-//! the largest sum at one time. Limits: textures that the tile cache may still read are not in it
+//! the largest sum at one time. Limits: lists of ids are counted with `COUNTED_IDS` entries a pixel at most, though
+//! pixels that meet more names have more (`film/ids.rs`); textures that the tile cache may still read are not in it
 //! (`--texture-memory` bounds them); the parts of libraries in address space alone are not either.
 
 use std::fmt;
@@ -17,11 +18,15 @@ use crate::error::{Error, Result};
 use crate::film::Pixel;
 use crate::film::blocks::Blocks;
 use crate::film::layer::bytes_per_pixel;
+use crate::film::layer::kind::Shape;
+use crate::film::splats;
+use crate::plan::light_groups::DEFAULT;
 use crate::plan::options::RenderOptions;
 use crate::plan::{Aov, RenderPlan};
 use crate::room::{self, Room};
 use crate::scene::geometry::{Geometry, Triangle};
 use crate::scene::{Mesh, Scene, Texels};
+use crate::transport::parts::Wanted;
 use crate::transport::wave::Wave;
 
 /// Pixels of the largest window that is rendered; what `compare` reads.
@@ -33,6 +38,10 @@ const PIXEL_OVERHEAD: u64 = 8 + 4 * 4;
 
 /// Samples per pixel up to which a render that something else ends is counted.
 const UNLIMITED_SPP: u64 = 1 << 10;
+
+/// Ids of a pixel up to which they are counted. Pixels with more are rare: all of a picture would have to see so many
+/// things at once.
+const COUNTED_IDS: u64 = 16;
 
 /// Bytes that the allocator takes for a thread that works.
 const PER_THREAD: u64 = 1 << 20;
@@ -61,17 +70,25 @@ pub struct Need {
     threads: usize,
 }
 
+/// Name of the part of light paths.
+const LIGHT_PATHS: &str = "light paths";
+
+/// What they take of a pixel: the sums of the render and of a pass, those of both together, and the picture with them.
+const LIGHT_PATH_PIXEL: u64 = 3 * splats::BYTES + size_of::<Pixel>() as u64;
+
 impl Need {
     /// What a render of `plan` takes, before its hierarchy is built.
     pub(super) fn of(scene: &Scene, geometry: &Geometry, plan: &RenderPlan) -> Need {
-        let hierarchy = size::of(plan.backend, geometry);
+        let (hierarchy, names) = (size::of(plan.backend, geometry), scene.instances.len() as u64);
         let window = (plan.window.width, plan.window.height);
         let pixels = u64::from(window.0) * u64::from(window.1);
         let [scene, textures, geometry] = [scene_bytes(scene), texture_bytes(scene), geometry_bytes(geometry)];
         let held = room::resident().unwrap_or(scene + textures + geometry);
         let films = films(plan.limits.spp);
-        let layers = bytes_per_pixel(&plan.aovs, plan.max_depth, films);
-        let waves = Wave::bytes(plan.wave, plan.features.per_length) + PER_THREAD;
+        let shape = Shape { max_depth: plan.max_depth, groups: &plan.light_groups.names };
+        let layers = bytes_per_pixel(&plan.aovs, &shape, films, ids(plan.limits.spp, names));
+        let waves = Wave::bytes(plan.wave, &Wanted::by(plan)) + PER_THREAD;
+        let light_waves = plan.threads as u64 * Wave::bytes(plan.wave, &Wanted::default());
         let parts = [
             ("program", held.saturating_sub(scene + textures + geometry)),
             ("scene", scene),
@@ -83,6 +100,7 @@ impl Need {
             ("layers", pixels * layers),
             ("waves", plan.threads as u64 * waves),
             ("writing", pixels * (PIXEL_OVERHEAD - 8)),
+            (LIGHT_PATHS, if plan.features.light_paths { pixels * LIGHT_PATH_PIXEL + light_waves } else { 0 }),
         ];
         let parts = parts.map(|(what, bytes)| Part { what, bytes }).to_vec();
         let [kept, building, after] =
@@ -91,12 +109,20 @@ impl Need {
         Need { parts, held_bytes: held, total_bytes: total, threads: plan.threads }
     }
 
+    /// The same for a render that turns out to have no light paths.
+    pub(super) fn without_light_paths(mut self) -> Need {
+        if let Some(part) = self.parts.iter_mut().find(|part| part.what == LIGHT_PATHS) {
+            self.total_bytes -= std::mem::take(&mut part.bytes);
+        }
+        self
+    }
+
     /// Whether the hierarchy fits, before it is built.
     ///
     /// # Errors
     /// [`Error::Memory`] with the numbers.
     pub(super) fn check_building(&self) -> Result<()> {
-        let [.., hierarchy, building, _, _, _, _] = &self.parts[..] else { unreachable!("made with all its parts") };
+        let [.., hierarchy, building, _, _, _, _, _] = &self.parts[..] else { unreachable!("made with all its parts") };
         fits("the hierarchy", hierarchy.bytes + building.bytes, self.threads, || {
             (vec![hierarchy.to_string(), building.to_string()], FEWER_THREADS.into())
         })
@@ -171,14 +197,19 @@ fn texture_bytes(scene: &Scene) -> u64 {
 
 fn geometry_bytes(geometry: &Geometry) -> u64 {
     let meshes = geometry.meshes.iter();
-    let meshes: usize =
-        meshes.map(|mesh| size_of_val(mesh.vertices.as_slice()) + size_of_val(mesh.indices.as_slice())).sum();
+    let meshes: usize = meshes
+        .map(|mesh| {
+            (1 + mesh.later.len()) * size_of_val(mesh.vertices.as_slice()) + size_of_val(mesh.indices.as_slice())
+        })
+        .sum();
     let more: usize = geometry.more_uvs.iter().map(|uvs| size_of_val(uvs.as_slice())).sum();
     let attributes = size_of_val(geometry.normals.as_slice())
         + size_of_val(geometry.uvs.as_slice())
         + size_of_val(geometry.colors.as_slice())
         + size_of_val(geometry.tangents.as_slice());
-    let records = size_of_val(geometry.triangles.as_slice()) + size_of_val(geometry.instances.as_slice());
+    let records = size_of_val(geometry.triangles.as_slice())
+        + size_of_val(geometry.later.as_slice())
+        + size_of_val(geometry.instances.as_slice());
     (meshes + more + attributes + records) as u64
 }
 
@@ -191,8 +222,11 @@ impl RenderOptions {
     pub fn check_memory_for(&self, scene: &Scene) -> Result<()> {
         self.check_memory()?;
         let window = self.crop.map_or((self.width, self.height), |crop| (crop.width, crop.height));
-        let film =
-            u64::from(window.0) * u64::from(window.1) * bytes_of_pixel(&self.aovs, self.max_depth, films(self.spp));
+        let ids = ids(self.spp, scene.instances.len() as u64);
+        let groups = self.group_names();
+        let shape = Shape { max_depth: self.max_depth, groups: &groups };
+        let pixel = bytes_of_pixel(&self.aovs, &shape, films(self.spp), ids);
+        let film = u64::from(window.0) * u64::from(window.1) * pixel;
         let flattened = flattened_bytes(scene);
         fits("the render", film + 2 * flattened, 1, || {
             let part = |what, bytes| Part { what, bytes }.to_string();
@@ -208,12 +242,23 @@ impl RenderOptions {
     /// [`Error::Option`] with the numbers.
     pub fn check_memory(&self) -> Result<()> {
         let window = self.crop.map_or((self.width, self.height), |crop| (crop.width, crop.height));
-        check(window, &self.aovs, self.max_depth, films(self.spp))
+        let shape = Shape { max_depth: self.max_depth, groups: &self.group_names() };
+        check(window, &self.aovs, &shape, (films(self.spp), ids(self.spp, COUNTED_IDS)))
+    }
+
+    /// Names of the light groups that are known without the scene, perhaps twice.
+    fn group_names(&self) -> Vec<String> {
+        std::iter::once(DEFAULT.to_string()).chain(self.light_groups.iter().map(|group| group.name.clone())).collect()
     }
 }
 
-fn bytes_of_pixel(aovs: &[Aov], max_depth: u32, films: u64) -> u64 {
-    films * size_of::<Pixel>() as u64 + PIXEL_OVERHEAD + bytes_per_pixel(aovs, max_depth, films)
+fn bytes_of_pixel(aovs: &[Aov], shape: &Shape, films: u64, ids: u64) -> u64 {
+    films * size_of::<Pixel>() as u64 + PIXEL_OVERHEAD + bytes_per_pixel(aovs, shape, films, ids)
+}
+
+/// Ids that are counted for a pixel of a scene of so many names.
+pub(super) fn ids(spp: Option<u64>, names: u64) -> u64 {
+    spp.unwrap_or(UNLIMITED_SPP).min(names + 1).min(COUNTED_IDS)
 }
 
 /// Films that a render to `spp` samples per pixel holds at once.
@@ -221,14 +266,14 @@ pub(super) fn films(spp: Option<u64>) -> u64 {
     Blocks::most(spp.unwrap_or(UNLIMITED_SPP), PASS_SAMPLES)
 }
 
-/// Whether so many films of this window (columns, rows) with these layers fit.
-pub(super) fn check((width, height): (u32, u32), aovs: &[Aov], max_depth: u32, films: u64) -> Result<()> {
+/// Whether so many films of this window (columns, rows) with these layers fit, where lists have so many ids.
+pub(super) fn check((width, height): (u32, u32), aovs: &[Aov], shape: &Shape, (films, ids): (u64, u64)) -> Result<()> {
     let refuse = |problem: String| Err(Error::Option { option: "--width", problem });
     let pixels = u64::from(width) * u64::from(height);
     if pixels > MOST_PIXELS {
         return refuse(format!("{width}x{height} pixels; expected at most {MOST_PIXELS} (use --crop)"));
     }
-    let bytes = pixels * bytes_of_pixel(aovs, max_depth, films);
+    let bytes = pixels * bytes_of_pixel(aovs, shape, films, ids);
     if let Some(room) = Room::left(1).filter(|room| bytes > room.bytes) {
         let (needed, available) = (bytes >> 20, room.bytes >> 20);
         return refuse(format!(

@@ -5,6 +5,7 @@
 //! they hold.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::checkpoint::{About, Checkpoint};
@@ -13,6 +14,7 @@ use super::result::{Render, State, Totals};
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::blocks::Blocks;
+use crate::film::splats::AS_PIXELS;
 use crate::plan::options::Crop;
 use crate::transport::counters::Counters;
 
@@ -63,7 +65,8 @@ pub struct Part {
 /// end, and parts that do not begin at a multiple of their size, rounded up to a power of two.
 pub fn merge(paths: &[PathBuf], options: &MergeOptions) -> Result<Merged> {
     let mut parts = paths.iter().map(|path| look(path)).collect::<Result<Vec<Part>>>()?;
-    let Some(first) = parts.first().cloned() else { return refuse("a part at least is needed".into()) };
+    let none = || Error::Option { option: "merge", problem: "a part at least is needed".into() };
+    let first = parts.first().cloned().ok_or_else(none)?;
     let mut about = first.about.clone();
     for part in &parts[1..] {
         check_same(&first, part, options, &mut about.accepted)?;
@@ -73,48 +76,58 @@ pub fn merge(paths: &[PathBuf], options: &MergeOptions) -> Result<Merged> {
     let window = around(&parts);
     let gaps = gaps(&parts, window);
     if let Some(gap) = gaps.first().filter(|_| !options.allow_gaps) {
-        return refuse(format!("{gap}; --allow-gaps writes the picture all the same"));
+        let problem = format!("{gap}; --allow-gaps writes the picture all the same");
+        return Err(Error::Option { option: "merge", problem });
     }
 
     let mut empty = first.empty.resized(window);
     empty.first_sample = parts[0].samples.0;
-    let mut totals = Totals { film: Blocks::of(vec![empty]), counters: Counters::default() };
+    let mut totals = Totals { film: Blocks::of(vec![empty]), splats: None, counters: Counters::default() };
     let mut render_time = Duration::ZERO;
+    let (mut splats, spp) = (None, parts.iter().map(|part| part.samples.1).max().unwrap_or(0) - parts[0].samples.0);
     for part in &parts {
         let Checkpoint { render, .. } = Checkpoint::restore(&part.path)?;
+        if let Some(of_part) = &render.splats {
+            let whole = splats.get_or_insert_with(|| of_part.of_window(window));
+            whole.merge(of_part);
+        }
         render_time += render.render_time;
         totals.counters.merge(&render.counters);
         for block in render.into_totals().film.films() {
             totals.film.push_film(block);
         }
     }
+    if let Some(mut splats) = splats {
+        // Parts are whole.
+        splats.set_samples(if gaps.is_empty() { spp } else { AS_PIXELS });
+        totals.splats = Some(Arc::new(splats));
+    }
     let render = State { totals, render_time, check: None }.into_render().complete();
     Ok(Merged { render, about, parts, gaps })
 }
 
-fn refuse<T>(problem: String) -> Result<T> {
-    Err(Error::Option { option: "PART", problem })
+fn refuse<T>(path: &Path, problem: String) -> Result<T> {
+    Err(Error::Part { path: path.into(), problem })
 }
 
 /// What the file is.
 fn look(path: &Path) -> Result<Part> {
     let Checkpoint { render, about } = Checkpoint::restore(path)?;
     let (film, spp, goal) = (&render.film, render.film.spp(), about.goal);
-    if spp.min < spp.max {
-        return refuse(format!("{} was stopped within a pass of samples: resume it to its end", path.display()));
+    if spp.min < spp.max || !render.splats.as_ref().is_none_or(|splats| splats.has_just(spp.min)) {
+        return refuse(path, "it was stopped within a pass of samples: resume it to its end".into());
     }
     if let (None, Some(asked)) = (goal.error, goal.spp)
         && spp.min < asked
     {
-        let problem = format!("was stopped after {} of {asked} samples: resume it to its end", spp.min);
-        return refuse(format!("{} {problem}", path.display()));
+        return refuse(path, format!("it was stopped after {} of {asked} samples: resume it to its end", spp.min));
     }
     let first = film.first_sample;
     let (size, end) = (spp.min.checked_next_power_of_two(), first.checked_add(spp.min));
     let (Some(end), true) = (end, size.is_some_and(|size| first.is_multiple_of(size))) else {
         let problem = "which is no multiple of their number rounded up to a power of two: the sums would not be \
                        those of one render";
-        return refuse(format!("{} has {} samples from {first} on, {problem}", path.display(), spp.min));
+        return refuse(path, format!("it has {} samples from {first} on, {problem}", spp.min));
     };
     Ok(Part {
         path: path.into(),
@@ -128,9 +141,9 @@ fn look(path: &Path) -> Result<Part> {
 
 /// Refuses parts of different pictures; what is accepted is written down.
 fn check_same(first: &Part, part: &Part, options: &MergeOptions, accepted: &mut String) -> Result<()> {
-    let names = format!("{} and {}", first.path.display(), part.path.display());
+    let other = first.path.display();
     if first.resolution != part.resolution {
-        return refuse(format!("{names} belong to pictures of different sizes"));
+        return refuse(&part.path, format!("it belongs to a picture of another size than {other}"));
     }
     for (name, here, there) in first.about.identity.differences(&part.about.identity) {
         let may_differ = MAY_DIFFER.contains(&name.as_str());
@@ -142,10 +155,10 @@ fn check_same(first: &Part, part: &Part, options: &MergeOptions, accepted: &mut 
             true => format!("; --accept-different {name} joins them all the same"),
             false => String::new(),
         };
-        return refuse(format!("{names} differ in {name}: {here}, {there}{hint}"));
+        return refuse(&part.path, format!("its {name} is {there}, that of {other} is {here}{hint}"));
     }
     if !first.empty.is_like_in_layers(&part.empty) {
-        return refuse(format!("{names} have different layers"));
+        return refuse(&part.path, format!("its layers are other than those of {other}"));
     }
     Ok(())
 }
@@ -160,15 +173,8 @@ fn check_overlaps(parts: &[Part]) -> Result<()> {
             let meet = |a: (u32, u32), b: (u32, u32)| a.0 < b.0 + b.1 && b.0 < a.0 + a.1;
             let (u, v) = (a.window, b.window);
             if meet((u.x, u.width), (v.x, v.width)) && meet((u.y, u.height), (v.y, v.height)) {
-                return refuse(format!(
-                    "{} (samples {}..{}) and {} (samples {}..{}) overlap",
-                    a.path.display(),
-                    a.samples.0,
-                    a.samples.1,
-                    b.path.display(),
-                    b.samples.0,
-                    b.samples.1
-                ));
+                let ((from, to), (start, end), other) = (b.samples, a.samples, a.path.display());
+                return refuse(&b.path, format!("its samples {from}..{to} overlap {start}..{end} of {other}"));
             }
         }
     }

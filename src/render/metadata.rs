@@ -2,8 +2,10 @@
 
 use super::renderer::Renderer;
 use super::result::Render;
-use crate::film::Film;
+use crate::film::cryptomatte::Matte;
 use crate::film::exr::{ExrOptions, ViewMatrices};
+use crate::film::layer::kind::Values;
+use crate::film::{Film, layer};
 use crate::plan::record::PlanRecord;
 
 impl Renderer<'_> {
@@ -54,7 +56,21 @@ impl Renderer<'_> {
             backend: Some(format!("{} {}", backend.kind.name(), backend.version)),
             isa: Some(backend.isa.clone()),
             plan: serde_json::to_string(&self.record()).ok(),
+            mattes: self.mattes(),
             ..ExrOptions::default()
         }
+    }
+
+    /// The names of layers of ids: of everything that the scene places.
+    fn mattes(&self) -> Vec<Matte> {
+        let scene = self.scene();
+        let of = |aov| match layer::find(aov).values {
+            Values::Ids(name) => {
+                let names: Vec<_> = (0..scene.instances.len()).map(|instance| name(scene, instance)).collect();
+                Some(Matte::new(aov.name(), names.iter().map(AsRef::as_ref)))
+            }
+            _ => None,
+        };
+        self.plan().aovs.iter().filter_map(|&aov| of(aov)).collect()
     }
 }

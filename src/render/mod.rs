@@ -8,6 +8,7 @@
 
 mod background;
 pub mod checkpoint;
+mod guiding;
 #[doc(hidden)]
 pub mod identity;
 pub mod memory;
@@ -21,18 +22,22 @@ mod saved;
 mod schedule;
 #[doc(hidden)]
 pub mod stopping;
+mod survey;
+mod surveyed;
 mod tile;
 mod workers;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use self::monitor::ErrorMonitor;
-use self::result::Totals;
 use self::schedule::{Clock, Schedule};
 use self::workers::{Pass, PassEnd, Workers};
 use crate::backend::Backend;
 use crate::error::{Error, Result};
 use crate::film::Film;
+use crate::film::layer::kind::Shape;
+use crate::film::splats::{AS_PIXELS, Splats};
 use crate::plan::aov::Aov;
 use crate::transport::counters::Counters;
 use crate::transport::job::Job;
@@ -43,9 +48,11 @@ pub use self::progress::{Keeper, Progress, Snapshot};
 pub use self::renderer::Renderer;
 pub use self::result::{Fault, Forecast, Render, State, StopReason};
 pub use self::schedule::DEFAULT_SPP;
+pub use crate::plan::effects::without::{Absent, leave_out};
+pub use crate::plan::light_groups::LightGroup;
 pub use crate::plan::options::{
-    CameraChoice, Crop, FilterKind, Fog, Heuristic, Lens, RenderOptions, Roulette, SamplerKind, Strategy, Techniques,
-    TextureFilter,
+    Backfaces, CameraChoice, Crop, FilterKind, Fog, Guiding, Heuristic, Lens, LightPaths, RenderOptions, Roulette,
+    SamplerKind, Strategy, Techniques, TextureFilter,
 };
 
 /// Who is told of a running render.
@@ -116,6 +123,15 @@ impl Renderer<'_> {
         if !tile::tiles(film.window).iter().all(|tile| film.is_uniform(&tile.pixels)) {
             return refused("--spp", "pixels of the earlier render differ in samples within a tile");
         }
+        let (there, here) = (&earlier.splats, self.splats());
+        let units = |splats: Option<&Splats>| splats.map(Splats::exponent);
+        let sampled = film.spp().max > 0;
+        if sampled && units(there.as_deref()) != units(here.as_ref()) {
+            return refused("--techniques", "the earlier render has other light paths, or none");
+        }
+        if sampled && there.as_deref().is_some_and(|splats| splats.samples() == AS_PIXELS) {
+            return refused("--techniques", "the earlier render lacks light paths of some samples");
+        }
         Ok(())
     }
 
@@ -167,21 +183,27 @@ impl Renderer<'_> {
         let plan = &self.plan;
         let copies = u64::from(keeper.as_ref().is_some_and(|keeper| keeper.keeps_copies()));
         let films = (1 + copies) * memory::films(plan.limits.spp);
-        memory::check((plan.window.width, plan.window.height), &plan.aovs, plan.max_depth, films)?;
+        let shape = Shape { max_depth: plan.max_depth, groups: &plan.light_groups.names };
+        let ids = memory::ids(plan.limits.spp, self.scene().instances.len() as u64);
+        memory::check((plan.window.width, plan.window.height), &plan.aovs, &shape, (films, ids))?;
         let earlier = earlier.unwrap_or_else(|| Render::before(self.empty_film()));
-        let (mut done, before) = (earlier.film.spp().min, earlier.render_time);
+        let (mut done, before) = (earlier.samples(), earlier.render_time);
         let mut monitor = ErrorMonitor::new(plan, done, earlier.check);
         if earlier.stop == StopReason::Error && earlier.check.map(|(target, _)| target) == plan.limits.error {
             return Ok(earlier);
         }
-        let workers = Workers::new(self, backend, earlier.into_totals());
+        let mut totals = earlier.into_totals();
+        if totals.splats.is_none() {
+            totals.splats = self.splats().map(Arc::new);
+        }
+        let workers = Workers::new(self, backend, totals);
         let schedule = Schedule::new(&plan.limits);
         let mut clock = Clock::start();
         let mut fault = None;
 
         // A state may be from between the end of a pass and the check that was due then.
         let due = monitor.next_check() == Some(done);
-        let mut met = due && monitor.pass_ended(done, clock.elapsed(), || workers.estimate());
+        let mut met = due && monitor.pass_ended(done, clock.elapsed(), || workers.estimate(), || workers.tail());
 
         let stop = loop {
             if met {
@@ -215,23 +237,24 @@ impl Renderer<'_> {
             }
 
             let elapsed = clock.elapsed();
-            met = monitor.pass_ended(done, elapsed, || workers.estimate());
+            met = monitor.pass_ended(done, elapsed, || workers.estimate(), || workers.tail());
             if let Some(watch) = &mut watch {
-                clock.pause(|| watch(&Snapshot { elapsed, spp: done, film: &workers.totals().film.total() }));
+                clock.pause(|| watch(&Snapshot { elapsed, spp: done, film: &workers.totals().picture() }));
             }
             if !met && schedule.time_is_up(elapsed) {
                 break StopReason::Time;
             }
         };
 
-        let Totals { film, mut counters } = workers.finish();
+        let totals = workers.finish();
+        let mut counters = totals.counters.clone();
         if fault.is_none() {
             self.locate(backend, &mut counters);
         }
         let render_time = before + clock.elapsed();
-        let (film, blocks) = film.finish();
+        let (film, blocks, splats) = totals.finish();
         let (check, forecast) = (monitor.check(), monitor.forecast);
-        Ok(Render { film, blocks, counters, render_time, stop, check, forecast, fault })
+        Ok(Render { film, blocks, splats, counters, render_time, stop, check, forecast, fault })
     }
 
     /// A film without samples that keeps what the plan asks for.
@@ -240,7 +263,7 @@ impl Renderer<'_> {
         let mut aovs = plan.aovs.clone();
         let of_nobody = plan.features.per_length && !aovs.iter().any(|aov| aov.is_of_lengths());
         aovs.extend((plan.per_length || of_nobody).then_some(Aov::BOUNCES));
-        let mut film = Film::with_layers(plan.resolution, plan.window, &aovs);
+        let mut film = Film::with_groups(plan.resolution, plan.window, &aovs, &plan.light_groups.names);
         film.first_sample = plan.sample_start;
         film
     }

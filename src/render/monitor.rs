@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::result::Forecast;
 use super::stopping::StoppingRule;
 use crate::accuracy::predict::Predicted;
-use crate::film::estimate::ErrorEstimate;
+use crate::film::estimate::{ErrorEstimate, Tail};
 use crate::plan::RenderPlan;
 
 /// How often the error is estimated for the report alone.
@@ -69,19 +69,24 @@ impl ErrorMonitor {
         self.target.zip(self.next_check())
     }
 
-    /// Estimates the error if it is time to, after `done` samples per pixel and `elapsed` of rendering; `estimate` asks
-    /// the film. Returns whether the target is met.
+    /// Estimates the error if it is time to, after `done` samples per pixel and `elapsed` of rendering; `estimate` and
+    /// `tail` ask the film. Returns whether the target is met.
     pub fn pass_ended(
         &mut self,
         done: u64,
         elapsed: Duration,
         estimate: impl FnOnce() -> Option<ErrorEstimate>,
+        tail: impl FnOnce() -> Option<Tail>,
     ) -> bool {
         if let Some(rule) = self.rule.as_mut().filter(|rule| done == rule.next_check()) {
             let estimate = estimate();
             (self.relmse, self.estimated) = (estimate.map(|e| e.relmse), elapsed);
             let met = rule.check(done, elapsed.as_secs_f64(), estimate);
             self.predicted = rule.predicted();
+            if !met {
+                let verdict = tail().map(|tail| tail.verdict());
+                self.predicted = self.predicted.map(|predicted| predicted.under(verdict));
+            }
             let pilot_over = (elapsed >= PILOT.0 && done >= PILOT.1) || done >= PILOT.2;
             if let (None, true, false, Some(predicted)) = (self.forecast, pilot_over, met, self.predicted) {
                 let after_seconds = elapsed.as_secs_f64();

@@ -14,15 +14,19 @@ use crate::backend::{self, Backend, BackendInfo};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
+use crate::film::splats::Splats;
 use crate::machine;
 use crate::plan::options::RenderOptions;
 use crate::plan::{FogSphere, RenderPlan};
 use crate::scene::geometry::Geometry;
 use crate::scene::{Camera, Scene};
+use crate::shading::guide::Guide;
 use crate::shading::light::Lights;
 use crate::shading::medium::Media;
 use crate::texture::stored::Tiles;
 use crate::transport::job::Job;
+use crate::transport::light_paths::lit;
+use crate::transport::names::Names;
 use crate::transport::replay::{self, Replay};
 use crate::transport::world::{MaterialTables, World};
 
@@ -61,10 +65,13 @@ pub struct Renderer<'a> {
     media: Media,
     filter: FilterTable,
     tables: MaterialTables,
+    pub(super) light_paths: Option<lit::Tables>,
+    pub(super) guide: Option<Guide>,
+    names: Names,
     pub(super) pool: rayon::ThreadPool,
     /// Textures that are read while it renders.
     pub(super) tiles: Option<Arc<Tiles>>,
-    need: Need,
+    pub(super) need: Need,
     build_time: Duration,
 }
 
@@ -78,7 +85,7 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         memory::check_geometry(scene)?;
         let mut geometry = Geometry::build(scene);
-        let plan = RenderPlan::new(scene, &geometry, &options)?;
+        let mut plan = RenderPlan::new(scene, &geometry, &options)?;
         if plan.features.footprints {
             scene.textures.par_iter().for_each(|texture| texture.make_levels());
         }
@@ -92,7 +99,8 @@ impl<'a> Renderer<'a> {
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
         let camera_steps = camera_steps(scene, &plan)?;
         let media = media_of(&geometry, &camera, &plan);
-        Ok(Renderer {
+        let light_paths = light_paths(scene, &geometry, &lights, &mut plan);
+        let mut renderer = Renderer {
             scene,
             lights,
             backend,
@@ -101,13 +109,19 @@ impl<'a> Renderer<'a> {
             media,
             filter: FilterTable::new(plan.filter),
             tables: MaterialTables::new(scene, &plan),
+            light_paths,
+            guide: None,
+            names: Names::new(scene, &plan.aovs),
             pool,
             tiles: scene.texture_tiles().cloned(),
             geometry,
             plan,
             need,
             build_time: start.elapsed(),
-        })
+        };
+        renderer.survey_techniques(&options)?;
+        renderer.build_time = start.elapsed();
+        Ok(renderer)
     }
 
     /// Takes other options for the renders to come. Nothing is built again, so backend, traversal and ray modes must
@@ -116,7 +130,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// As [`new`](Self::new), and [`Error::Option`] for options that need another backend.
     pub fn retarget(&mut self, options: &RenderOptions) -> Result<()> {
-        let plan = RenderPlan::new(self.scene, &self.geometry, options)?;
+        let mut plan = self.plan.again(self.scene, &self.geometry, options)?;
         if plan.backend != self.plan.backend || plan.backend_options() != self.plan.backend_options() {
             let problem = "another backend, ray mode or number of threads needs a renderer of its own".into();
             return Err(Error::Option { option: "--backend", problem });
@@ -129,8 +143,11 @@ impl<'a> Renderer<'a> {
         (self.camera, self.camera_steps) = (camera, camera_steps(self.scene, &plan)?);
         self.filter = FilterTable::new(plan.filter);
         self.tables.retarget(self.scene, &plan);
+        self.light_paths = light_paths(self.scene, &self.geometry, &self.lights, &mut plan);
+        self.names = Names::new(self.scene, &plan.aovs);
         self.plan = plan;
-        Ok(())
+        self.guide = None;
+        self.survey_techniques(options)
     }
 
     /// Renders through another camera from here on, at rest, until options are taken anew.
@@ -143,6 +160,15 @@ impl<'a> Renderer<'a> {
         self.plan.fog = self.plan.fog.map(|fog| FogSphere::new(fog.medium, &self.geometry, &[camera.position()]));
         (self.camera, self.camera_steps) = (camera, Vec::new());
         Ok(())
+    }
+
+    /// Renders in an environment that is turned so about +Y ([`Environment::rotation_rad`]) instead of as the scene
+    /// says;
+    /// [`retarget`](Self::retarget) is to follow. Nothing changes without an environment.
+    ///
+    /// [`Environment::rotation_rad`]: crate::scene::Environment::rotation_rad
+    pub fn turn_environment(&mut self, rotation_rad: f32) {
+        self.lights.turn_environment(rotation_rad);
     }
 
     /// Renders with other random numbers from here on. Nothing that was built depends on the seed.
@@ -192,8 +218,10 @@ impl<'a> Renderer<'a> {
 
     /// What the workers read.
     pub(super) fn job(&self) -> Job<'_> {
+        let light_paths = self.light_paths.as_ref().map(|tables| tables.view(&self.plan));
+        let (scene, techniques) = (self.scene, (light_paths, self.guide.as_ref()));
         Job {
-            world: World::new(self.scene, &self.geometry, &self.lights, &self.tables, &self.plan),
+            world: World::new(scene, &self.geometry, &self.lights, &self.tables, &self.plan, techniques),
             backend: self.backend.as_ref(),
             camera: &self.camera,
             camera_steps: &self.camera_steps,
@@ -202,9 +230,18 @@ impl<'a> Renderer<'a> {
             sampler: self.plan.sampler,
             seed: self.plan.seed,
             columns: self.plan.resolution.0,
+            rows: self.plan.resolution.1,
+            names: &self.names,
             layers: &self.plan.aovs,
             avx512: self.plan.avx512,
         }
+    }
+
+    /// Where light paths are added up; `None` without.
+    pub(super) fn splats(&self) -> Option<Splats> {
+        let tables = self.light_paths.as_ref()?;
+        let exponent = tables.exponent(&self.plan, &self.camera, &self.geometry);
+        Some(Splats::new(self.plan.resolution, self.plan.window, exponent))
     }
 
     /// Renders one sample of a pixel of the full image again, with everything that was decided on its path written
@@ -227,8 +264,19 @@ fn media_of(geometry: &Geometry, camera: &CameraRays, plan: &RenderPlan) -> Medi
     if plan.features.media { Media::of(&geometry.solids_around(camera.position()).0) } else { Media::NONE }
 }
 
+/// What light paths need, where they take part; else the plan has none.
+fn light_paths(scene: &Scene, geometry: &Geometry, lights: &Lights, plan: &mut RenderPlan) -> Option<lit::Tables> {
+    let tables = lit::Tables::new(scene, geometry, lights, plan);
+    if tables.is_none() {
+        let called = plan.features.light_paths;
+        let reason = if called { "no light reaches what bundles it".into() } else { plan.light_paths_reason.clone() };
+        plan.set_light_paths(0.0, reason);
+    }
+    tables
+}
+
 /// The camera of the plan along its way while the shutter is open; nothing where it is at rest.
-fn camera_steps(scene: &Scene, plan: &RenderPlan) -> Result<Vec<CameraRays>> {
+pub(super) fn camera_steps(scene: &Scene, plan: &RenderPlan) -> Result<Vec<CameraRays>> {
     let steps = scene.motion.of_camera(plan.camera).map_or(&[][..], |track| &track.steps);
     let camera = &scene.cameras[plan.camera];
     let posed = |&world_from_camera: &_| {
@@ -265,5 +313,25 @@ mod tests {
             assert_eq!(kinds(&renderer), fresh(forced), "{forced:?}");
             assert_eq!(kinds(&renderer).1 == Some(Kind::General), !forced.is_empty(), "{forced:?}");
         }
+    }
+
+    /// And the tables: rough metal that gets back what it loses, asked for later. Oracle: the fresh one.
+    #[test]
+    fn retarget_makes_the_tables_that_options_ask_for() {
+        let mut b = SceneBuilder::new();
+        let metal = b.metal(Vec3::splat(0.9), 0.5);
+        b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, metal);
+        b.point_light(Vec3::new(0.3, 0.4, 0.1), Vec3::ONE);
+        b.camera(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0);
+        let scene = b.build();
+        let hash = |renderer: &Renderer| renderer.render().expect("it renders").film.hash();
+        let options = RenderOptions::new(8, 8).spp(4);
+        let mut renderer = Renderer::new(&scene, options.clone()).expect("valid options");
+        let without = hash(&renderer);
+        let with = RenderOptions { multiscatter: true, ..options.clone() };
+        renderer.retarget(&with).expect("the backend stays");
+        assert_eq!(hash(&renderer), hash(&Renderer::new(&scene, with).expect("valid options")));
+        renderer.retarget(&options).expect("the backend stays");
+        assert_eq!(hash(&renderer), without);
     }
 }

@@ -1,12 +1,15 @@
 //! What a render has come to when it ends: the film, counts, and why it ended.
 
+use std::borrow::Cow;
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::accuracy::predict::Predicted;
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::film::blocks::Blocks;
+use crate::film::splats::Splats;
 use crate::transport::counters::Counters;
 
 /// A prediction and when it was made.
@@ -84,6 +87,8 @@ impl fmt::Display for Fault {
 pub(super) struct Totals {
     /// All layers.
     pub film: Blocks,
+    /// What light paths have found for the beauty; shared while they are traced.
+    pub splats: Option<Arc<Splats>>,
     /// What was traced for them.
     pub counters: Counters,
 }
@@ -97,6 +102,28 @@ pub struct State {
     pub(super) check: Option<(f64, u64)>,
 }
 
+impl Totals {
+    /// The picture.
+    pub fn picture(&self) -> Cow<'_, Film> {
+        let Some(splats) = &self.splats else { return self.film.total() };
+        let mut film = self.film.total().into_owned();
+        splats.add_to(&mut film);
+        Cow::Owned(film)
+    }
+
+    /// The picture, and its parts where it is not one block of camera samples alone.
+    pub fn finish(self) -> (Film, Vec<Film>, Option<Arc<Splats>>) {
+        let (mut film, mut blocks) = self.film.finish();
+        if let Some(splats) = &self.splats {
+            if blocks.is_empty() {
+                blocks.push(film.clone());
+            }
+            splats.add_to(&mut film);
+        }
+        (film, blocks, self.splats)
+    }
+}
+
 impl State {
     /// Whether any pixel has a sample.
     pub fn has_samples(&self) -> bool {
@@ -106,9 +133,9 @@ impl State {
     /// With the picture so far.
     pub fn into_render(self) -> Render {
         let State { totals, render_time, check } = self;
-        let (film, blocks) = totals.film.finish();
-        let (counters, stop) = (totals.counters, StopReason::Callback);
-        Render { film, blocks, counters, render_time, stop, check, forecast: None, fault: None }
+        let (counters, stop) = (totals.counters.clone(), StopReason::Callback);
+        let (film, blocks, splats) = totals.finish();
+        Render { film, blocks, splats, counters, render_time, stop, check, forecast: None, fault: None }
     }
 }
 
@@ -120,6 +147,8 @@ pub struct Render {
     pub film: Film,
     /// Its blocks of samples, of which it is the sum, from the largest to the smallest; none where it is one block.
     pub(super) blocks: Vec<Film>,
+    /// What light paths have added to it.
+    pub(super) splats: Option<Arc<Splats>>,
     /// What was traced.
     pub counters: Counters,
     /// Wall time of the passes.
@@ -140,6 +169,7 @@ impl Render {
         Render {
             film,
             blocks: Vec::new(),
+            splats: None,
             counters: Counters::default(),
             render_time: Duration::ZERO,
             stop: StopReason::Spp,
@@ -147,6 +177,12 @@ impl Render {
             forecast: None,
             fault: None,
         }
+    }
+
+    /// Samples that every pixel has, with all their light paths.
+    pub(crate) fn samples(&self) -> u64 {
+        let of_lights = self.splats.as_ref().map_or(u64::MAX, |splats| splats.samples());
+        self.film.spp().min.min(of_lights)
     }
 
     /// The same, at its end: all samples are done.
@@ -168,6 +204,6 @@ impl Render {
     /// What passes add up, to be gone on with.
     pub(super) fn into_totals(self) -> Totals {
         let blocks = if self.blocks.is_empty() { vec![self.film] } else { self.blocks };
-        Totals { film: Blocks::of(blocks), counters: self.counters }
+        Totals { film: Blocks::of(blocks), splats: self.splats, counters: self.counters }
     }
 }

@@ -1,17 +1,20 @@
 //! A stopped render as a file, to be gone on with by [`Renderer::resume`](super::Renderer::resume): the film with all
 //! layers in blocks of samples, the counts, and the time that it took. Format: `film/saved.rs`, kind 2; the body is the
-//! number of blocks, the film of each, then the counts, the time, and where an error target is checked next.
+//! number of blocks, the film of each, what light paths added, then the counts, the time, and where an error target is
+//! checked next.
 //!
 //! Limit: scene and options are not in it; that they are the same is up to the caller, or to a
 //! [`Checkpoint`](super::checkpoint::Checkpoint). A forecast is not kept.
 
 use std::io::{self, Read, Write};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::result::{Render, State, StopReason};
 use crate::error::Result;
 use crate::film::saved::{self, WordReader, WordWriter, damaged};
+use crate::film::splats::Splats;
 use crate::film::{Film, blocks};
 use crate::transport::counters::{Counters, NONFINITE_LISTED, NonFinite};
 use crate::transport::truncation::Truncated;
@@ -78,19 +81,25 @@ impl Render {
 /// The body of a saved render.
 pub(super) fn write_render<W: Write>(render: &Render, words: &mut WordWriter<W>) -> io::Result<()> {
     let films = if render.blocks.is_empty() { std::slice::from_ref(&render.film) } else { &render.blocks };
-    write_parts((films, &render.counters), render.render_time, render.stop, render.check, words)
+    write_parts(
+        (films, render.splats.as_deref(), &render.counters),
+        render.render_time,
+        render.stop,
+        render.check,
+        words,
+    )
 }
 
 /// The body of a running render that is saved.
 pub(super) fn write_state<W: Write>(state: &State, words: &mut WordWriter<W>) -> io::Result<()> {
     let films = state.totals.film.films();
     let used = films.iter().take_while(|film| film.spp().max > 0).count().max(1);
-    let parts = (&films[..used], &state.totals.counters);
+    let parts = (&films[..used], state.totals.splats.as_deref(), &state.totals.counters);
     write_parts(parts, state.render_time, StopReason::Callback, state.check, words)
 }
 
 fn write_parts<W: Write>(
-    (films, counters): (&[Film], &Counters),
+    (films, splats, counters): (&[Film], Option<&Splats>, &Counters),
     render_time: Duration,
     stop: StopReason,
     check: Option<(f64, u64)>,
@@ -98,6 +107,8 @@ fn write_parts<W: Write>(
 ) -> io::Result<()> {
     words.put(films.len() as u64)?;
     films.iter().try_for_each(|film| film.write_words(words))?;
+    words.put(splats.is_some().into())?;
+    splats.map_or(Ok(()), |splats| splats.write_words(words))?;
     write_counters(counters, words)?;
     words.put(render_time.as_secs())?;
     words.put(render_time.subsec_nanos().into())?;
@@ -110,7 +121,18 @@ fn write_parts<W: Write>(
 
 /// Reads a body.
 pub(super) fn read_render<R: Read>(words: &mut WordReader<R>) -> io::Result<Render> {
-    let (film, blocks) = read_films(words)?;
+    let (mut film, mut blocks) = read_films(words)?;
+    let splats = match words.take()? {
+        0 => None,
+        _ => Some(Splats::read_words(words, film.resolution, film.window)?),
+    };
+    if let Some(splats) = &splats {
+        if blocks.is_empty() {
+            blocks.push(film.clone());
+        }
+        splats.add_to(&mut film);
+    }
+    let splats = splats.map(Arc::new);
     let counters = read_counters(words)?;
     let (seconds, nanos) = (words.take()?, words.take_u32()?);
     if nanos >= 1_000_000_000 {
@@ -120,7 +142,7 @@ pub(super) fn read_render<R: Read>(words: &mut WordReader<R>) -> io::Result<Rend
     let render_time = Duration::new(seconds, nanos);
     let check = (f64::from_bits(words.take()?), words.take()?);
     let check = Some(check).filter(|(target, _)| *target > 0.0);
-    Ok(Render { film, blocks, counters, render_time, stop: *reason, check, forecast: None, fault: None })
+    Ok(Render { film, blocks, splats, counters, render_time, stop: *reason, check, forecast: None, fault: None })
 }
 
 /// The films of a render's blocks: their sum, and they themselves where there is more than one.
@@ -235,7 +257,8 @@ mod tests {
         let (stop, blocks) = (StopReason::Callback, vec![film.clone(), film.clone()]);
         let film = blocks::total(&blocks);
         let check = Some((0.01, 48));
-        let saved = Render { film, blocks, counters, render_time, stop, check, forecast: None, fault: None };
+        let saved =
+            Render { film, blocks, splats: None, counters, render_time, stop, check, forecast: None, fault: None };
         saved.save(&path).expect("a writable folder");
         let restored = Render::restore(&path).expect("just saved");
         assert_eq!((&restored.film, &restored.blocks), (&saved.film, &saved.blocks));

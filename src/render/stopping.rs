@@ -15,7 +15,7 @@
 //! Where samples are spent is not adapted: see benches/TRIED.md.
 
 use crate::accuracy::predict::{self, Point, Predicted, SlopePrior};
-use crate::film::estimate::ErrorEstimate;
+use crate::film::estimate::{DENOMINATOR_SHARE, ErrorEstimate};
 use crate::plan::options::SamplerKind;
 
 /// One-sided 99 % point of the normal distribution.
@@ -35,10 +35,10 @@ const FIRST_CHECK: u64 = 4;
 const PILOT_SPP: u64 = 16;
 
 /// How fast the uncertainty of the denominators falls with the samples, at most: N^−0.6. While it is large it falls
-/// linearly in ln N instead, by this much: quotients of the two denominators rise as N^0.45 on the shared scenes (times
-/// the share of 0.3 that the estimate takes of their logarithm).
+/// linearly in ln N instead, by this much: quotients of the two denominators rise as N^0.45 on the shared scenes, and
+/// the estimate takes a share of their logarithm.
 const DENOMINATOR_SLOPE: f64 = 0.6;
-const DENOMINATOR_FALL: f64 = 0.135;
+const DENOMINATOR_FALL: f64 = 0.45 * DENOMINATOR_SHARE;
 
 /// When a render with an error target ends.
 #[derive(Clone, Debug)]
@@ -117,6 +117,7 @@ impl StoppingRule {
             seconds: cost.seconds * factor,
             spp_interval: cost.spp_interval.map(up),
             seconds_interval: cost.seconds_interval.map(|s| s * factor),
+            tail: cost.tail,
         })
     }
 }

@@ -3,7 +3,9 @@
 
 /// Pixel x, pixel y, lens u, lens v.
 pub const CAMERA: u32 = 0;
-/// Shutter time, wavelength, two spare.
+/// Of a light path: light, point u, point v, ball that it is aimed at. (They have seeds of their own.)
+pub const LIGHT: u32 = 0;
+/// Shutter time, wavelength; direction u, direction v of a light path.
 pub const TIME: u32 = 1;
 /// Sets that each bounce owns.
 pub const PER_BOUNCE: u32 = 2;

@@ -4,10 +4,10 @@
 use glam::{Affine3A, Vec3};
 
 use super::camera::{Camera, Projection};
-use super::ids::{MaterialId, MeshId};
+use super::ids::{MaterialId, MeshId, NodeId};
 use super::light::{Environment, PunctualKind, PunctualLight};
 use super::motion::{Shutter, Track};
-use super::{Instance, Material, Mesh, Scene};
+use super::{Instance, Material, Mesh, Node, Scene};
 
 /// Collects a scene piece by piece.
 ///
@@ -31,12 +31,22 @@ use super::{Instance, Material, Mesh, Scene};
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
     scene: Scene,
+    /// What is placed now hangs on it.
+    node: Option<NodeId>,
 }
 
 impl SceneBuilder {
     /// Nothing yet.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Lets what is placed from here on hang on a node of that name, in that light group if any.
+    pub fn node(&mut self, name: &str, light_group: Option<&str>) -> &mut Self {
+        self.node = Some(NodeId(self.scene.nodes.len() as u32));
+        let light_group = light_group.map(String::from);
+        self.scene.nodes.push(Node { name: name.into(), asset: name.into(), light_group });
+        self
     }
 
     /// Adds any material.
@@ -93,7 +103,17 @@ impl SceneBuilder {
 
     /// Places a mesh.
     pub fn place(&mut self, mesh: MeshId, world_from_object: Affine3A) -> &mut Self {
-        self.scene.instances.push(Instance::new(mesh, world_from_object));
+        self.scene.instances.push(Instance { node: self.node, ..Instance::new(mesh, world_from_object) });
+        self
+    }
+
+    /// Names what places the last mesh, and the asset that it is a part of, for layers of ids. Its light group stays.
+    pub fn named(&mut self, name: &str, asset: &str) -> &mut Self {
+        let node = NodeId(self.scene.nodes.len() as u32);
+        let placed = self.scene.instances.last_mut().expect("a placed mesh to name");
+        let above = placed.node.replace(node).map(|above| &self.scene.nodes[above.0 as usize]);
+        let light_group = above.and_then(|node| node.light_group.clone());
+        self.scene.nodes.push(Node { name: name.into(), asset: asset.into(), light_group });
         self
     }
 
@@ -200,6 +220,11 @@ impl SceneBuilder {
         self
     }
 
+    /// Cameras so far.
+    pub fn cameras(&self) -> usize {
+        self.scene.cameras.len()
+    }
+
     /// A point light of this intensity, W/sr.
     pub fn point_light(&mut self, position: Vec3, intensity: Vec3) -> &mut Self {
         self.punctual(position, Vec3::NEG_Y, intensity, PunctualKind::Point)
@@ -210,7 +235,8 @@ impl SceneBuilder {
         let name = format!("light {}", self.scene.punctual.len());
         let direction = direction.normalize();
         let range_m = f32::INFINITY;
-        self.scene.punctual.push(PunctualLight { name, position, direction, intensity, kind, range_m });
+        self.scene.punctual.push(PunctualLight { name, position, direction, intensity, kind, range_m, profile: None });
+        self.scene.light_nodes.push(self.node);
         self
     }
 

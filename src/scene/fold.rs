@@ -3,15 +3,21 @@
 //! How a constant texture folds is up to its slot (`material::slot`). Images that are still read together afterwards
 //! are laid side by side.
 
+use std::collections::HashSet;
+
 use super::material::slot::Constant;
-use super::{Scene, Slot, Texture};
+use super::{MaterialId, Scene, Slot, Texture};
 use crate::texture::{Texels, lookup, take_lookups, weave};
 
 impl Scene {
-    /// Folds what is constant. The list of textures stays as it is.
+    /// Folds what is constant, but for materials of meshes without texture coordinates: those show no texture. The list
+    /// of textures stays as it is.
     pub(super) fn fold_constant_textures(&mut self) {
         let values: Vec<Option<Constant>> = self.textures.iter().map(constant).collect();
-        for material in &mut self.materials {
+        let bare = self.instances.iter().filter(|instance| self.meshes[instance.mesh.index()].uvs.is_none());
+        let bare: HashSet<MaterialId> = bare.map(|instance| self.material_of(instance)).collect();
+        let folded = self.materials.iter_mut().enumerate();
+        for (_, material) in folded.filter(|(index, _)| !bare.contains(&MaterialId(*index as u32))) {
             for slot in Slot::ALL {
                 let value = slot.of(material).and_then(|texture| *values.get(texture.texture.index())?);
                 if let Some(value) = value {

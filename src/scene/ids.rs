@@ -28,3 +28,7 @@ id!(
     /// Index into [`Scene::textures`](super::Scene::textures).
     TextureId
 );
+id!(
+    /// Index into [`Scene::nodes`](super::Scene::nodes).
+    NodeId
+);

@@ -1,10 +1,21 @@
-//! Light sources that are not surfaces: `KHR_lights_punctual` and the environment. Emissive triangles are found from
-//! the materials.
+//! Light sources that are not surfaces: `KHR_lights_punctual`, `EXT_lights_ies` and the environment. Emissive triangles
+//! are found from the materials.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
+
+use super::ies::LightProfile;
+
+/// Longest name of a light group, bytes: channels of OpenEXR have 255.
+pub(crate) const LONGEST_GROUP_NAME: usize = 64;
+
+/// Whether a light group may be called so: readers of OpenEXR take what comes before the last dot for the layer.
+pub(crate) fn is_group_name(name: &str) -> bool {
+    let shown = |c: char| !(c.is_control() || c == '.');
+    !name.is_empty() && name.len() <= LONGEST_GROUP_NAME && name.trim() == name && name.chars().all(shown)
+}
 
 /// One punctual light placed in the world. 1 cd is taken as 1 W/sr, 1 lx as 1 W/m².
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +33,17 @@ pub struct PunctualLight {
     /// Metres from a point or spot light at which it ends: its light is multiplied by 1 − (d/range)⁴ up to there.
     /// Infinite where the file has none.
     pub range_m: f32,
+    /// Of a point light, how its intensity differs by direction; `intensity` is then the largest.
+    pub profile: Option<Aimed>,
+}
+
+/// A profile in the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aimed {
+    /// Shares of the largest intensity.
+    pub profile: Arc<LightProfile>,
+    /// World directions to those of the profile; a rotation.
+    pub light_from_world: Mat3,
 }
 
 /// The kinds of `KHR_lights_punctual`.

@@ -12,15 +12,18 @@ use crate::texture::stored::Tiles;
 
 pub mod builder;
 pub mod camera;
+mod closed;
 mod fold;
 #[doc(hidden)]
 pub mod geometry;
 pub mod gltf;
 pub mod ids;
+pub mod ies;
 pub mod image;
 pub mod light;
 pub mod material;
 pub mod motion;
+mod names;
 pub mod orbit;
 mod studio;
 #[doc(hidden)]
@@ -30,8 +33,8 @@ pub use crate::texture::decode::Decoder;
 pub use crate::texture::load::Budget;
 pub use crate::texture::{ColorSpace, Texels, Texture, Wrap};
 pub use camera::{Camera, Projection};
-pub use ids::{MaterialId, MeshId, TextureId};
-pub use light::{Environment, EnvironmentFile, PunctualKind, PunctualLight};
+pub use ids::{MaterialId, MeshId, NodeId, TextureId};
+pub use light::{Aimed, Environment, EnvironmentFile, PunctualKind, PunctualLight};
 pub use material::alpha::AlphaMode;
 pub use material::facts::{Fact, FactSet, Facts};
 pub use material::parameters::{Material, TextureSlot};
@@ -61,6 +64,29 @@ pub struct Mesh {
     pub tangents: Option<Vec<Vec4>>,
     /// What the surface is made of.
     pub material: MaterialId,
+    /// Its shapes at equal intervals until the shutter closes, after the one above, with straight lines between them;
+    /// none where it keeps its shape. Every instance of a mesh that changes its shape has a track, if only of one
+    /// place.
+    pub later: Vec<Shape>,
+}
+
+/// The vertices of a mesh at another time; tables are as long as the mesh's, and there where those are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shape {
+    /// Vertex positions, metres, all finite.
+    pub positions: Vec<Vec3>,
+    /// Unit vertex normals.
+    pub normals: Option<Vec<Vec3>>,
+    /// Unit tangents.
+    pub tangents: Option<Vec<Vec4>>,
+}
+
+impl Mesh {
+    /// The mesh at rest in another shape.
+    pub fn shaped(&self, shape: &Shape) -> Mesh {
+        let Shape { positions, normals, tangents } = shape.clone();
+        Mesh { positions, normals, tangents, later: Vec::new(), ..self.clone() }
+    }
 }
 
 /// A mesh placed in the world.
@@ -74,13 +100,26 @@ pub struct Instance {
     /// What it is made of in the place of the mesh's own material, if it shares the triangles with others. Both are
     /// plain surfaces that read the same attributes ([`Material::may_share`]).
     pub material: Option<MaterialId>,
+    /// The node that places it, if there is one with a name.
+    pub node: Option<NodeId>,
 }
 
 impl Instance {
     /// A mesh of its own material.
     pub fn new(mesh: MeshId, world_from_object: Affine3A) -> Instance {
-        Instance { mesh, world_from_object, material: None }
+        Instance { mesh, world_from_object, material: None, node: None }
     }
+}
+
+/// A node that places meshes or lights, as layers of ids and light groups name it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Node {
+    /// Its name; not empty.
+    pub name: String,
+    /// Name of the root node above it, which may be itself; not empty.
+    pub asset: String,
+    /// `extras.lightgroup`: the group of the light that begins there.
+    pub light_group: Option<String>,
 }
 
 /// Something the user should know that does not stop the work.
@@ -103,6 +142,30 @@ pub struct Dropped {
     pub points_and_lines: usize,
 }
 
+/// An effect that was taken out of a scene on demand, though the file calls for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Its name: "normal-maps".
+    pub name: String,
+    /// With what calls for it: "normal-maps (material 'brick')".
+    pub found: String,
+}
+
+impl LeftOut {
+    /// What names of techniques begin with, before a colon.
+    pub const TECHNIQUE: &'static str = "technique";
+
+    /// Whether it is a technique, which no expectation depends on: others find the same light.
+    pub fn is_technique(&self) -> bool {
+        self.name.strip_prefix(LeftOut::TECHNIQUE).is_some_and(|rest| rest.starts_with(':'))
+    }
+
+    /// Its entry in the ledger of biases; a technique has none of its own.
+    pub fn bias(&self) -> Option<String> {
+        (!self.is_technique()).then(|| format!("left out: {} (--without)", self.name))
+    }
+}
+
 /// A loaded scene.
 ///
 /// ```
@@ -123,12 +186,16 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Placements, flattened to one level.
     pub instances: Vec<Instance>,
+    /// The nodes that place them.
+    pub nodes: Vec<Node>,
     /// Never empty once loaded: the glTF default material is appended when a primitive has none.
     pub materials: Vec<Material>,
     /// Decoded textures.
     pub textures: Vec<Texture>,
     /// Punctual lights.
     pub punctual: Vec<PunctualLight>,
+    /// The node of each of them, if there is one with a name; may be shorter.
+    pub light_nodes: Vec<Option<NodeId>>,
     /// Cameras of the scene in node order; never empty once loaded (framed automatically, with a warning, if the file
     /// has none).
     pub cameras: Vec<Camera>,
@@ -145,8 +212,10 @@ pub struct Scene {
     pub variants: Vec<String>,
     /// Size that `scenes[n].extras.render` suggests, if any.
     pub suggested_size: Option<(u32, u32)>,
-    /// What was left out.
+    /// What the loader left out.
     pub dropped: Dropped,
+    /// Effects that were taken out on demand; none by default. See [`leave_out`](crate::render::leave_out).
+    pub left_out: Vec<LeftOut>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -232,6 +301,28 @@ impl Scene {
     /// What a placed mesh is made of; both are in range once the scene is valid.
     pub fn material_of(&self, instance: &Instance) -> MaterialId {
         instance.material.unwrap_or_else(|| self.meshes[instance.mesh.index()].material)
+    }
+
+    /// Gives placements a mesh of their own whose material may share one no more, after materials have changed.
+    pub fn part_materials(&mut self) {
+        let mut parted: Vec<(MeshId, MaterialId, MeshId)> = Vec::new();
+        for instance in &mut self.instances {
+            let mesh = &self.meshes[instance.mesh.index()];
+            let shares =
+                |other: MaterialId| self.materials[mesh.material.index()].may_share(&self.materials[other.index()]);
+            let Some(other) = instance.material.filter(|other| !shares(*other)) else { continue };
+            let known = parted.iter().find(|(mesh, material, _)| (*mesh, *material) == (instance.mesh, other));
+            let own = match known {
+                Some((.., own)) => *own,
+                None => {
+                    let own = MeshId(self.meshes.len() as u32);
+                    parted.push((instance.mesh, other, own));
+                    self.meshes.push(Mesh { material: other, ..mesh.clone() });
+                    own
+                }
+            };
+            (instance.mesh, instance.material) = (own, None);
+        }
     }
 
     /// The tiles of textures that are not in memory, if there are any.

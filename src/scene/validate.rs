@@ -5,7 +5,8 @@
 
 use glam::{Vec3, Vec4};
 
-use super::{Camera, Mesh, Projection, Scene};
+use super::motion::MOST_PARTS;
+use super::{Camera, Mesh, Projection, Scene, Shape};
 use crate::error::{Error, Result};
 
 impl Scene {
@@ -51,6 +52,12 @@ impl Scene {
             }
         }
         self.check_motion()?;
+        for (index, instance) in self.instances.iter().enumerate() {
+            let changes = !self.meshes[instance.mesh.index()].later.is_empty();
+            if changes && self.motion.of_instance(index).is_none() {
+                return Err((format!("instance {index}"), "expected a track, for its mesh changes its shape".into()));
+            }
+        }
         for material in &self.materials {
             let mut textures = material.textures();
             let fail = |problem: String| Err((format!("material \"{}\"", material.name), problem));
@@ -131,11 +138,29 @@ fn mesh_problem(mesh: &Mesh) -> Option<String> {
     if let Some(corner) = mesh.triangles.as_flattened().iter().find(|&&corner| corner as usize >= count) {
         return Some(format!("expected corners below {count}, found {corner}"));
     }
+    if let Some(problem) = mesh.later.iter().find_map(|shape| shape_problem(mesh, shape)) {
+        return Some(problem);
+    }
     let finite = mesh.normals.iter().flatten().all(|normal: &Vec3| normal.is_finite())
         && mesh.uvs.iter().chain(&mesh.more_uvs).flatten().all(|uv| uv.is_finite())
         && mesh.colors.iter().flatten().all(|color: &Vec4| color.is_finite())
         && mesh.tangents.iter().flatten().all(|tangent: &Vec4| tangent.is_finite());
     (!finite).then(|| "expected finite vertex attributes".into())
+}
+
+/// What is wrong with a later shape of a mesh.
+fn shape_problem(mesh: &Mesh, shape: &Shape) -> Option<String> {
+    let lengths = |positions: usize, normals: Option<usize>, tangents: Option<usize>| (positions, normals, tangents);
+    let of_mesh =
+        lengths(mesh.positions.len(), mesh.normals.as_ref().map(Vec::len), mesh.tangents.as_ref().map(Vec::len));
+    let of_shape =
+        lengths(shape.positions.len(), shape.normals.as_ref().map(Vec::len), shape.tangents.as_ref().map(Vec::len));
+    if of_mesh != of_shape || mesh.later.len() > MOST_PARTS {
+        return Some(format!("expected at most {MOST_PARTS} later shapes with the tables of the first"));
+    }
+    let finite = shape.positions.iter().chain(shape.normals.iter().flatten()).all(|v| v.is_finite())
+        && shape.tangents.iter().flatten().all(|tangent| tangent.is_finite());
+    (!finite).then(|| "expected finite vertices in every shape".into())
 }
 
 fn camera_problem(camera: &Camera) -> Option<String> {

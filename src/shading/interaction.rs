@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::backend::batch::{Hit, INVALID_ID};
 use crate::math::float;
-use crate::scene::geometry::{Geometry, NO_ATTRIBUTES, Placement};
+use crate::scene::geometry::{Between, Geometry, NO_ATTRIBUTES, Placement, Triangle};
 
 /// A surface point as numbers.
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +42,12 @@ impl Interaction {
         let moved = geometry.moving.at(hit.inst, hit.time);
         let placement = moved.as_ref().or_else(|| geometry.instances.get(hit.inst as usize));
         if let Some(placement) = placement {
+            // Meshes that change their shape are all placed by instances.
+            if !geometry.deforming.is_empty()
+                && let Some(shape) = geometry.deformed(hit.geom, hit.prim, hit.time)
+            {
+                return Interaction::between_shapes(geometry, hit, smooth, placement, &shape);
+            }
             let Placement { world_from_object, object_from_world, .. } = placement;
             error = match geometry.moving.reach(hit.inst, hit.time) {
                 None => float::hit_error_instanced((v0, e1, e2), p, world_from_object, object_from_world),
@@ -62,6 +68,44 @@ impl Interaction {
         }
         Interaction {
             p,
+            error,
+            n_g,
+            n_s,
+            material: geometry.material(hit.inst, triangle),
+            light: triangle.light,
+            attributes: triangle.attributes,
+            barycentric: [hit.u, hit.v],
+        }
+    }
+
+    /// On a mesh that changes its shape; all of those move.
+    #[cold]
+    #[inline(never)]
+    fn between_shapes(geometry: &Geometry, hit: &Hit, smooth: bool, placement: &Placement, shape: &Between) -> Self {
+        let Between { triangle, ends, fraction } = shape;
+        let point = |t: &Triangle| float::hit_point(t.v0.into(), t.e1.into(), t.e2.into(), hit.u, hit.v);
+        let p = point(triangle);
+        let reach = geometry.moving.reach(hit.inst, hit.time).unwrap_or(placement.world_from_object);
+        let corners = (triangle.v0.into(), triangle.e1.into(), triangle.e2.into());
+        let corner = |t: &Triangle| {
+            let (v0, e1, e2) = (Vec3::from(t.v0), Vec3::from(t.e1), Vec3::from(t.e2));
+            v0.abs().max((v0 + e1).abs()).max((v0 + e2).abs())
+        };
+        let most = corner(&ends[0]).max(corner(&ends[1]));
+        let error = float::hit_error_deforming(corners, p, most, &reach, &placement.object_from_world);
+        let n_g = (placement.world_from_normal * Vec3::from(triangle.n_g)).normalize();
+        let mut n_s = n_g;
+        if smooth && triangle.attributes != NO_ATTRIBUTES {
+            let [from, to] = ends.map(|end| geometry.normals[end.attributes as usize]);
+            // Where a mesh has no normals, its corners repeat those of the triangles.
+            let flat = [(from, &ends[0]), (to, &ends[1])].iter().all(|(of, end)| *of == [Vec3::from(end.n_g); 3]);
+            if !flat {
+                let [a, b, c] = [0, 1, 2].map(|i| unit_or(from[i].lerp(to[i], *fraction), from[i]));
+                n_s = unit_or(placement.world_from_normal * interpolate(a, b, c, hit.u, hit.v), n_g);
+            }
+        }
+        Interaction {
+            p: placement.world_from_object.transform_point3(p),
             error,
             n_g,
             n_s,
@@ -100,6 +144,16 @@ pub fn tangent(geometry: &Geometry, hit: &Hit, n_s: Vec3) -> Option<Vec4> {
     let mut t = interpolate(a.truncate(), b.truncate(), c.truncate(), hit.u, hit.v);
     let mut sign = a.w;
     if hit.inst != INVALID_ID {
+        if !geometry.deforming.is_empty()
+            && let Some(Between { ends, fraction, .. }) = geometry.deformed(hit.geom, hit.prim, hit.time)
+        {
+            let [from, to] = ends.map(|end| geometry.tangents[end.attributes as usize]);
+            let [a, b, c] = [0, 1, 2].map(|i| {
+                let (from, to) = (from[i].truncate(), to[i].truncate());
+                unit_or(from.lerp(to, fraction), from)
+            });
+            t = interpolate(a, b, c, hit.u, hit.v);
+        }
         let m = &geometry.world_from_object(hit.inst, hit.time).matrix3;
         t = *m * t;
         sign *= m.determinant().signum();

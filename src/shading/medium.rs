@@ -56,6 +56,12 @@ impl Media {
         self.solids.iter().filter(|&&other| other == solid).count()
     }
 
+    /// Whether `solid` is around.
+    #[inline(always)]
+    pub fn holds(&self, solid: u32) -> bool {
+        self.count(solid) > 0
+    }
+
     /// What is around a path that stands before a boundary, where that is not what it has kept: before the inside of a
     /// solid that it never entered (an open body), it is in that solid.
     #[inline(always)]

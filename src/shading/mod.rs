@@ -2,7 +2,9 @@
 
 pub mod bsdf;
 pub mod cone;
+pub mod directions;
 pub mod dispersion;
+pub mod guide;
 pub mod interaction;
 pub mod light;
 pub mod medium;

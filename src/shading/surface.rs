@@ -9,11 +9,11 @@
 
 use glam::Vec3;
 
-use super::bsdf::dielectric::{Body, Dielectric, MAX_INDEX};
-use super::bsdf::fresnel::relative_index;
+use super::bsdf::dielectric::{Body, Dielectric};
+use super::bsdf::fresnel::{MAX_INDEX, relative_index};
 use super::bsdf::glossy::Glossy;
 use super::bsdf::lambert::Lambert;
-use super::bsdf::model::{Boundary, Bsdf, BsdfEval, BsdfSample, HIDDEN, Tables, Textured};
+use super::bsdf::model::{Boundary, Bsdf, BsdfEval, BsdfSample, HIDDEN, Lobe, Tables, Textured};
 use crate::math::columns::array_column;
 use crate::scene::Material;
 
@@ -91,6 +91,15 @@ impl<'t> Surface<'t> {
             Surface::Lambert(lambert) => lambert.value(wo, wi),
             Surface::Glossy(glossy) => glossy.value(wo, wi),
             Surface::Dielectric(dielectric) => dielectric.eval(wo, wi),
+        }
+    }
+
+    /// The part of [`eval`](Self::eval) that the diffuse base reflects.
+    pub fn diffuse(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        match self {
+            Surface::Black | Surface::Dielectric(_) => Vec3::ZERO,
+            Surface::Lambert(lambert) => lambert.diffuse_value(wo, wi),
+            Surface::Glossy(glossy) => glossy.diffuse_value(wo, wi),
         }
     }
 
@@ -174,6 +183,10 @@ impl<'t> Bsdf<'t> for Surface<'t> {
         self.eval(wo, wi)
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3, _: &(), _: f32) -> Vec3 {
+        self.diffuse(wo, wi)
+    }
+
     #[inline(always)]
     fn draw(&self, wo: Vec3, u: [f32; 3], _: &()) -> BsdfSample {
         let refused = BsdfSample { wi: Vec3::ZERO, weight: Vec3::ZERO, pdf_sa: 0.0, eta: 1.0 };
@@ -200,12 +213,21 @@ impl<'t> Bsdf<'t> for Surface<'t> {
         }
     }
 
-    fn lobe(&self, wo: Vec3, u: f32, _: &(), reflected: bool) -> &'static str {
+    fn lobe(&self, wo: Vec3, u: f32, _: &(), reflected: bool) -> Lobe {
         match self {
-            Surface::Black => "none",
-            Surface::Lambert(_) => "diffuse",
+            Surface::Black => Lobe::wide("none"),
+            Surface::Lambert(lambert) => lambert.lobe(wo, u, &(), reflected),
             Surface::Glossy(glossy) => glossy.lobe(wo, u, &glossy.view(wo, glossy.below(wo.z)), reflected),
             Surface::Dielectric(glass) => glass.lobe(reflected),
+        }
+    }
+
+    fn widest_alpha(&self) -> f32 {
+        match self {
+            Surface::Black => 1.0,
+            Surface::Lambert(lambert) => lambert.widest_alpha(),
+            Surface::Glossy(glossy) => glossy.widest_alpha(),
+            Surface::Dielectric(glass) => glass.lobe(true).alpha,
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::film::exr::through_half;
 use crate::plan::RenderPlan;
 use crate::plan::bias::Bias;
 use crate::render::Render;
+use crate::stats::denoise::DenoiseStats;
 
 /// One-sided 95 % point of the normal distribution.
 const NORMAL_95_ONE_SIDED: f64 = 1.644854;
@@ -41,6 +42,17 @@ pub fn half(film: &Film) -> Bias {
     let (before, after) = (sum(&|v| v), sum(&through_half));
     let removed = Some(1.0 - after / before).filter(|share| share.is_finite());
     Bias { energy_removed: removed, energy_removed_at_most: removed, ..Bias::unmeasured("half: stored in 16 bits") }
+}
+
+/// What a filter did to the layer that it made, measured; the beauty is not touched.
+pub fn denoised(stats: &DenoiseStats) -> Bias {
+    let measured = stats.told().map_or("error not measured".into(), |told| format!("relative RMSE {told}"));
+    let what = format!("denoise, layer 'denoised' alone: {}, {measured}", stats.filter);
+    Bias {
+        energy_removed: stats.energy_removed,
+        energy_removed_at_most: stats.energy_removed,
+        ..Bias::unmeasured(what)
+    }
 }
 
 fn measure_depth(depth: &mut Bias, plan: &RenderPlan, render: &Render) {

@@ -1,6 +1,6 @@
 //! Clocks around a piece of work: wall time, and the processor time of all threads of the process, which other
-//! processes on the machine do not stretch. The one file that knows `rustix` (POSIX `CLOCK_PROCESS_CPUTIME_ID`, safe
-//! and in nanoseconds; `/proc` counts in ticks of 10 ms).
+//! processes on the machine do not stretch (POSIX `CLOCK_PROCESS_CPUTIME_ID`, in nanoseconds; `/proc` counts in ticks
+//! of 10 ms).
 
 use std::time::{Duration, Instant};
 

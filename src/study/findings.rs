@@ -1,7 +1,9 @@
 //! What a study finds: its runs, the price list, and everything together. Errors are relative, times in seconds. Filled
 //! by [`measure`](super::measure), read by the report.
 
+use super::classes::Classes;
 use super::clock::Cost;
+use super::effects::{EffectRow, Shown};
 use super::reference::{Difference, Reference};
 use super::settings::Setting;
 use crate::accuracy::predict::{Point, Predicted, Prediction};
@@ -62,6 +64,8 @@ pub struct Measured {
     pub relmse: Option<f64>,
     /// The film's own estimate of its relMSE and its 95 % interval.
     pub estimated: Option<(f64, [f64; 2])>,
+    /// Energy of the processor while it rendered, joules, where that can be read.
+    pub joules: Option<f64>,
 }
 
 /// Everything that was measured.
@@ -75,6 +79,8 @@ pub struct Study {
     pub prediction: Option<Prediction>,
     /// The price list.
     pub prices: Vec<Price>,
+    /// Pictures of those that were measured, in their order.
+    pub price_pictures: Vec<Vec<f32>>,
     /// What everything is compared with.
     pub reference: Option<Reference>,
     /// Samples per pixel of each run of the reference; 0 for a given one.
@@ -91,6 +97,12 @@ pub struct Study {
     pub round_s: f64,
     /// The first of the largest runs of the default setting.
     pub film: Option<Film>,
+    /// Where the noise comes from, where that was asked for.
+    pub classes: Option<Classes>,
+    /// Prices of effects, where they were asked for.
+    pub effects: Vec<EffectRow>,
+    /// Those with the largest errors.
+    pub shown: Vec<Shown>,
     /// Whether the observer broke it off.
     pub interrupted: bool,
     /// Wall time from `started` to the last run.
@@ -107,6 +119,7 @@ impl Study {
             pilot: Vec::new(),
             prediction: None,
             prices: Vec::new(),
+            price_pictures: Vec::new(),
             reference,
             reference_spp: 0,
             series: settings.into_iter().map(series).collect(),
@@ -115,6 +128,9 @@ impl Study {
             rounds: 0,
             round_s: 0.0,
             film: None,
+            classes: None,
+            effects: Vec::new(),
+            shown: Vec::new(),
             interrupted: false,
             seconds: 0.0,
         }

@@ -1,12 +1,16 @@
-//! A report as one page: price list, techniques, knobs, path lengths, pictures.
+//! A report as one page: what errors look like, price list, techniques, knobs, path lengths, pictures.
 
+use super::class_tables;
+use super::crops;
+use super::effects_page;
 use super::findings::Study;
 use super::plot;
 use super::reference::values;
 use super::report::{Report, Row};
 use super::runs::Interval;
 use super::settings::Role;
-use super::table::{bias_percent, error_of, saved, with_interval};
+use super::table::{bias_percent, error_of, predicted_text, saved};
+use super::words::with_interval;
 use crate::film::png;
 use crate::plot::heat::HeatMap;
 use crate::plot::html::{self, Page, mark};
@@ -17,6 +21,8 @@ use crate::plot::svg::{COLOURS, escaped};
 pub fn page(report: &Report, study: &Study) -> String {
     let s = &report.setup;
     let mut page = Page::new(&format!("pathspace accuracy: {}", s.scene), &format!("What accuracy costs: {}", s.scene));
+    crops::section(report, study, &mut page);
+    page.heading("The study");
     let mut facts = vec![
         ("picture", format!("{} × {} pixels", s.resolution[0], s.resolution[1])),
         ("machine", format!("{}, {} threads", s.cpu, s.threads)),
@@ -37,6 +43,10 @@ pub fn page(report: &Report, study: &Study) -> String {
     techniques(report, &mut page);
     knobs(report, &mut page);
     lengths(report, &mut page);
+    if let Some(classes) = &report.classes {
+        class_tables::section(classes, &mut page);
+    }
+    effects_page::html(report, study, &mut page);
     pictures(study, &mut page);
     page.heading("How to read this");
     page.list(report.notes.iter().map(String::as_str));
@@ -68,8 +78,11 @@ fn prices(report: &Report, page: &mut Page) {
         .prices
         .iter()
         .map(|p| {
-            let mut row =
-                vec![format!("{} %", 100.0 * p.error), cell(&p.spp, 1.0, false), cell(&p.seconds, 1.0, false)];
+            let predicted = |of: &Interval| match p.caution {
+                Some(_) => escaped(&predicted_text(p, of)),
+                None => cell(of, 1.0, false),
+            };
+            let mut row = vec![format!("{} %", 100.0 * p.error), predicted(&p.spp), predicted(&p.seconds)];
             row.extend(match p.measured {
                 Some(m) => [
                     m.spp.to_string(),

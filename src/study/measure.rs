@@ -8,20 +8,25 @@
 //!   paths.
 //! * The price list's targets, cheapest first, while time is left; then more rounds.
 //!
+//! The price of effects (`--effects`) takes the place of warm-up, reference and rounds: see `pairs.rs`.
+//!
 //! What it finds is a [`Study`]. Stopping early, by the budget or by the observer, keeps every finished run. Limit:
 //! techniques and knobs need two rounds for an interval at all; a budget that is too small says so in the intervals.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use super::classes::{self, Classes};
+use super::energy::Meter;
 use super::findings::{Measured, Price, Series, Study};
 use super::reference::{Reference, values};
 use super::renderers::{Halt, Renderers, Step};
 use super::rounds::{LEAST_SPP, deep, levels};
-use super::settings;
+use super::settings::{self, Turns, Ways};
 use crate::accuracy::predict::{self, Point, SlopePrior};
+use crate::backend::BackendKind;
 use crate::error::{Error, Result};
-use crate::render::RenderOptions;
+use crate::render::{Guiding, LightPaths, RenderOptions};
 use crate::scene::Scene;
 
 /// Targets of the price list, relative RMSE.
@@ -41,6 +46,7 @@ const ROUNDS: f64 = 6.0;
 /// Shares of the budget, from its start: end of the pilot, of the rounds; and the share that the reference may take.
 const PILOT_UNTIL: f64 = 0.06;
 const ROUNDS_UNTIL: f64 = 0.8;
+const EFFECTS_UNTIL: f64 = 0.9;
 const REFERENCE_SHARE: f64 = 0.2;
 const MOST_REFERENCE_SHARE: f64 = 0.35;
 
@@ -62,8 +68,12 @@ pub struct Request {
     pub budget: Duration,
     /// All combinations of techniques instead of one factor at a time.
     pub full: bool,
+    /// The price of every effect, in the place of techniques and knobs.
+    pub effects: bool,
     /// A given reference; `None` renders one.
     pub reference: Option<Reference>,
+    /// Paths that are looked at for their classes, on top of the budget; `None` looks at none.
+    pub classes: Option<u64>,
     /// Seconds that loading the scene took.
     pub load_s: f64,
 }
@@ -93,7 +103,10 @@ pub fn run(
     (base.spp, base.time, base.error) = (None, None, None);
     let mut renderers = Renderers::new(scene, started, request.budget, observe);
     let first = renderers.renderer(&base)?;
-    let (window, build, textures) = (first.plan().window, first.build_time(), first.plan().features.textures);
+    let (window, build, plan) = (first.plan().window, first.build_time(), first.plan());
+    let decided = (plan.backend, plan.features.light_paths.then_some(plan.light_paths), plan.guide.is_some());
+    let textures = plan.features.textures;
+    let has = if request.effects { Ways::default() } else { Ways::of(first, &base) };
     let pixels = u64::from(window.width) * u64::from(window.height);
     if pixels > MOST_PIXELS {
         let problem = format!("{pixels} pixels; a study takes at most {MOST_PIXELS} (its pictures are kept in memory)");
@@ -103,16 +116,56 @@ pub fn run(
         let problem = format!("it must have the size of the picture, {}x{}", window.width, window.height);
         return Err(Error::Option { option: "--reference", problem });
     }
-    let mut list = settings::techniques(&base, request.full);
-    list.extend(settings::knobs(&base, textures));
+    let mut list = Vec::new();
+    if !request.effects {
+        list = settings::techniques(&base, request.full);
+        list.extend(settings::ways(&base, has, request.full));
+        list.extend(settings::knobs(&base, Turns { textures, ..Turns::of(scene) }));
+    } else {
+        hold(&mut base, decided);
+    }
     let mut study = Study::new(request.load_s + build.as_secs_f64(), request.reference.clone(), list);
-    match study.measure(&mut renderers, &base) {
+    let measured = match request.effects {
+        true => study.measure_effects(&mut renderers, scene, &base),
+        false => study.measure(&mut renderers, &base),
+    };
+    match measured {
         Err(Halt::Failed(error)) => return Err(error),
         Err(Halt::Interrupted) => study.interrupted = true,
-        Ok(()) | Err(Halt::Budget) => {}
+        Ok(()) | Err(Halt::Budget) => study.classes = classes_of(&mut renderers, &base, request, &mut study)?,
     }
     study.seconds = started.elapsed().as_secs_f64();
     Ok(study)
+}
+
+/// What the plan and surveys decided is held, so that a picture without one technique has the others.
+fn hold(base: &mut RenderOptions, (backend, light_paths, guides): (BackendKind, Option<f32>, bool)) {
+    base.backend = Some(backend);
+    if base.light_paths == LightPaths::Auto {
+        base.light_paths = light_paths.map_or(LightPaths::Off, LightPaths::Share);
+    }
+    if base.guiding == Guiding::Auto {
+        base.guiding = if guides { Guiding::On } else { Guiding::Off };
+    }
+}
+
+/// Where the noise comes from, if that is asked for and there is a reference. Takes the time that it takes.
+fn classes_of(
+    renderers: &mut Renderers,
+    base: &RenderOptions,
+    request: &Request,
+    study: &mut Study,
+) -> Result<Option<Classes>> {
+    let (Some(paths), Some(reference)) = (request.classes, &study.reference) else { return Ok(None) };
+    renderers.budget = Duration::from_secs(u32::MAX.into());
+    match classes::measure(renderers, base, reference, paths) {
+        Err(Halt::Failed(error)) => Err(error),
+        Err(Halt::Interrupted | Halt::Budget) => {
+            study.interrupted = true;
+            Ok(None)
+        }
+        Ok(classes) => Ok(Some(classes)),
+    }
 }
 
 impl Study {
@@ -128,12 +181,21 @@ impl Study {
         self.go_rounds(renderers, base, 1.0)
     }
 
+    fn measure_effects(&mut self, renderers: &mut Renderers, scene: &Scene, base: &RenderOptions) -> Result<(), Halt> {
+        self.list_effects(scene, base);
+        self.fly_pilot(renderers, base)?;
+        self.price_effects(renderers, scene, base, EFFECTS_UNTIL)?;
+        self.measure_prices(renderers, base)
+    }
+
     /// One seed, so that each run contains the samples of the one before, as the looks at a running render do.
     fn fly_pilot(&mut self, renderers: &mut Renderers, base: &RenderOptions) -> Result<(), Halt> {
+        let mut tail = None;
         renderers.render(base, base.seed, LEAST_SPP / 2, "pilot")?;
         let mut spp = LEAST_SPP;
         while self.pilot.len() < 3 || renderers.share() < PILOT_UNTIL {
             let (render, _) = renderers.render(base, base.seed, spp, "pilot")?;
+            tail = render.film.tail().map(|tail| tail.verdict());
             if let Some(estimate) = render.film.error_estimate() {
                 let seconds = render.render_time.as_secs_f64();
                 let (relmse, relmse_interval) = (estimate.relmse, estimate.interval);
@@ -145,7 +207,8 @@ impl Study {
             spp *= 2;
         }
         let prediction = self.prediction;
-        let price = |error| prediction.map(|p| Price { error, predicted: p.for_error(error), measured: None });
+        let price =
+            |error| prediction.map(|p| Price { error, predicted: p.for_error(error).under(tail), measured: None });
         self.prices = TARGETS.into_iter().filter_map(price).collect();
         Ok(())
     }
@@ -210,14 +273,19 @@ impl Study {
                 break;
             }
             let what = format!("price of {} %", 100.0 * price.error);
+            let meter = Meter::start();
             let (render, _) = renderers.render(base, price_seed(base.seed, target), spp, &what)?;
+            let joules = meter.and_then(|meter| meter.joules());
+            let picture = values(&render.film);
             let estimate = render.film.error_estimate();
             price.measured = Some(Measured {
                 spp,
                 seconds: self.fixed_s + render.render_time.as_secs_f64(),
-                relmse: self.reference.as_ref().map(|r| r.difference(&values(&render.film)).relmse),
+                relmse: self.reference.as_ref().map(|r| r.difference(&picture).relmse),
                 estimated: estimate.map(|e| (e.relmse, e.interval)),
+                joules,
             });
+            self.price_pictures.push(picture);
         }
         Ok(())
     }

@@ -24,6 +24,7 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
         ));
     }
     match &report.reference {
+        None if report.effects.is_some() => effects(&mut notes),
         None => notes.push("There was no time for a reference: nothing was measured against one.".into()),
         Some(r) if r.what == "own" => notes.push(format!(
             "Reference: the mean of {} held-out runs of {} samples per pixel with seeds of their own, by the \
@@ -45,6 +46,9 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
             study.rounds
         ));
     }
+    if let Some(caution) = report.prices.iter().find_map(|price| price.caution) {
+        notes.push(format!("The price list has lower bounds, because in the pilot {caution}."));
+    }
     let unreliable: Vec<&str> = report.settings.iter().filter(|r| r.unreliable).map(|r| r.name.as_str()).collect();
     if !unreliable.is_empty() {
         notes.push(format!(
@@ -64,6 +68,9 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
          displayed picture."
             .into(),
     );
+    if report.effects.is_some() {
+        return notes;
+    }
     notes.push(
         "Efficiency is 1/(relMSE · processor time) over that of the default, at equal samples; seconds to 1 % \
          compare at \
@@ -79,4 +86,21 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
             .into(),
     );
     notes
+}
+
+/// What the prices of effects are.
+fn effects(notes: &mut Vec<String>) {
+    notes.push(
+        "Each effect: pairs of runs of equal seeds, with it and without it. Its share of the time is that of the \
+         processor time to equal error, each picture's own as its film estimates it; below 0 the picture is dearer \
+         without it. Seconds saved are processor seconds on the way to 1 %, by a slope of 1."
+            .into(),
+    );
+    notes.push(
+        "The error is the relative RMSE of the expected picture without the effect against that with it, by products \
+         of different pairs: noise is no part of it, and 0 (< x) says that none above x was seen. FLIP is of the \
+         means of the pairs, that of noise alone subtracted; noise hides small differences from it. Intervals are \
+         of 95 % over pairs. A texture that is left out leaves its factor, a lobe the surface below it."
+            .into(),
+    );
 }

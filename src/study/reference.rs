@@ -1,5 +1,5 @@
 //! What pictures are compared with: independent long runs of the same renderer with different seeds, or a picture that
-//! is given. relMSE has its denominators from here alone: 1/(R² + ε), ε = 0.01·mean(R)² (DESIGN §9).
+//! is given. relMSE has its denominators from here alone: 1/(R² + ε), ε = 0.01·mean(R)².
 //!
 //! The runs' own spread is an unbiased estimate of the reference's own error; it is stated and subtracted. Of a given
 //! picture it is not known, unless the caller knows it: what is then measured as bias contains it.

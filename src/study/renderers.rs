@@ -82,6 +82,11 @@ impl<'a, 'o> Renderers<'a, 'o> {
         Ok(self.built.len() - 1)
     }
 
+    /// Shows the observer what goes on between renders.
+    pub(super) fn look(&mut self, what: &str) -> ControlFlow<()> {
+        (self.observe)(&Step { what, elapsed: self.started.elapsed() })
+    }
+
     /// Renders `options` with another seed and number of samples, and tells what that took.
     pub(super) fn render(
         &mut self,
@@ -91,27 +96,42 @@ impl<'a, 'o> Renderers<'a, 'o> {
         what: &str,
     ) -> Result<(Render, Cost), Halt> {
         let options = RenderOptions { seed, spp: Some(spp), ..options.clone() };
-        let (started, limit) = (self.started, self.budget.mul_f64(OVERRUN));
         let place = self.place(&options)?;
         self.built[place].retarget(&options)?;
-        let (renderer, observe) = (&self.built[place], &mut *self.observe);
-        let mut halt = None;
-        let watch = Stopwatch::start();
-        let render = renderer.render_with(|_| {
-            let elapsed = started.elapsed();
-            if observe(&Step { what, elapsed }).is_break() {
-                halt = Some(Halt::Interrupted);
-            } else if elapsed > limit {
-                halt = Some(Halt::Budget);
-            }
-            if halt.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?;
-        let cost = watch.cost();
-        render.check_fault()?;
-        self.scene.check_textures()?;
-        match halt {
-            Some(halt) => Err(halt),
-            None => Ok((render, cost)),
+        let Renderers { built, scene, started, budget, observe } = self;
+        watched((&built[place], scene), (*started, *budget), observe, what)
+    }
+
+    /// The same, of a renderer of another scene.
+    pub(super) fn watched(&mut self, renderer: &Renderer, what: &str) -> Result<(Render, Cost), Halt> {
+        watched((renderer, renderer.scene()), (self.started, self.budget), self.observe, what)
+    }
+}
+
+/// Renders, under the clock and the observer of a study.
+fn watched(
+    (renderer, scene): (&Renderer, &Scene),
+    (started, budget): (Instant, Duration),
+    observe: &mut dyn FnMut(&Step) -> ControlFlow<()>,
+    what: &str,
+) -> Result<(Render, Cost), Halt> {
+    let limit = budget.mul_f64(OVERRUN);
+    let mut halt = None;
+    let watch = Stopwatch::start();
+    let render = renderer.render_with(|_| {
+        let elapsed = started.elapsed();
+        if observe(&Step { what, elapsed }).is_break() {
+            halt = Some(Halt::Interrupted);
+        } else if elapsed > limit {
+            halt = Some(Halt::Budget);
         }
+        if halt.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    let cost = watch.cost();
+    render.check_fault()?;
+    scene.check_textures()?;
+    match halt {
+        Some(halt) => Err(halt),
+        None => Ok((render, cost)),
     }
 }

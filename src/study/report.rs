@@ -1,9 +1,11 @@
 //! What a study found: numbers with intervals, as the record behind `report.json`, `report.csv`, the table and the
-//! page. Keys are a contract: add, never rename. Errors are relative RMSE or relMSE (DESIGN §9); times are seconds; an
+//! page. Keys are a contract: add, never rename. Errors are relative RMSE or relMSE; times are seconds; an
 //! interval is of 95 %, and `null` where there are too few runs for one.
 
 use serde::Serialize;
 
+use super::classes::Classes;
+use super::effects::EffectRow;
 use super::findings::{Run, Series, Study};
 use super::reference::Reference;
 use super::runs::{self, Interval, Line};
@@ -35,6 +37,10 @@ pub struct Report {
     pub settings: Vec<Row>,
     /// Path lengths; `None` before the first round.
     pub lengths: Option<Lengths>,
+    /// Where the noise comes from; `None` where that was not asked for.
+    pub classes: Option<Classes>,
+    /// Prices of effects; `None` where they were not asked for.
+    pub effects: Option<Vec<EffectRow>>,
     /// Whether a signal ended it early.
     pub interrupted: bool,
     /// What a reader must know to read the numbers.
@@ -70,6 +76,8 @@ pub struct Setup {
     pub fixed_s: f64,
     /// Seeds: of the pilot, of the first run, of the first run of the reference.
     pub seeds: [u64; 3],
+    /// Price of a core for an hour, if one was given.
+    pub price_per_core_hour: Option<f64>,
 }
 
 /// The reference.
@@ -98,6 +106,8 @@ pub struct PriceRecord {
     pub seconds: Interval,
     /// What a run took and reached.
     pub measured: Option<MeasuredRecord>,
+    /// Why only the lower ends of the intervals are to be relied on; `null` where both are.
+    pub caution: Option<&'static str>,
 }
 
 /// A measured line of the price list.
@@ -111,6 +121,10 @@ pub struct MeasuredRecord {
     pub error: Option<f64>,
     /// Relative RMSE as the film itself estimates it.
     pub estimated: Option<Interval>,
+    /// Energy of the processor while it rendered, joules; `None` where that cannot be read.
+    pub joules: Option<f64>,
+    /// Price of the threads for that time; `None` where no price was given.
+    pub money: Option<f64>,
 }
 
 /// A setting.
@@ -195,10 +209,12 @@ impl Report {
         Report {
             schema: 1,
             reference: record,
-            prices: prices(study),
+            prices: prices(study, setup.price_per_core_hour.map(|price| price * setup.threads as f64 / 3600.0)),
             pilot_slope: study.prediction.map(|p| [-p.slope, p.slope_error]),
             settings: study.reference.as_ref().map_or(Vec::new(), |r| rows(study, r)),
             lengths: lengths(study),
+            classes: study.classes.clone(),
+            effects: study.series.is_empty().then(|| study.effects.clone()),
             interrupted: study.interrupted,
             notes: Vec::new(),
             setup,
@@ -210,19 +226,22 @@ fn interval_of(value: f64, [low, high]: [f64; 2]) -> Interval {
     Interval { value, low, high }
 }
 
-fn prices(study: &Study) -> Vec<PriceRecord> {
+/// The price list; `per_s` is the price of all threads for a second.
+fn prices(study: &Study, per_s: Option<f64>) -> Vec<PriceRecord> {
     let own = study.reference.as_ref().and_then(|r| r.own_relmse);
     let record = |price: &super::findings::Price| {
-        let Predicted { spp, seconds, spp_interval, seconds_interval } = price.predicted;
+        let Predicted { spp, seconds, spp_interval, seconds_interval, .. } = price.predicted;
         let measured = price.measured.map(|m| MeasuredRecord {
             spp: m.spp,
             seconds: m.seconds,
             // Subtracting two thirds of what was measured leaves mostly noise.
             error: m.relmse.filter(|r| own.is_none_or(|own| *r > 0.5 * own.value)).map(f64::sqrt),
             estimated: m.estimated.map(|(relmse, interval)| interval_of(relmse, interval).map(f64::sqrt)),
+            joules: m.joules,
+            money: per_s.map(|per_s| per_s * m.seconds),
         });
         let (spp, seconds) = (interval_of(spp, spp_interval), interval_of(seconds, seconds_interval));
-        PriceRecord { error: price.error, spp, seconds, measured }
+        PriceRecord { error: price.error, spp, seconds, measured, caution: price.predicted.caution() }
     };
     study.prices.iter().map(record).collect()
 }

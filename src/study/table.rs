@@ -1,8 +1,11 @@
 //! A report as text: the tables of the terminal, and the rows of `report.csv`.
 
+use super::class_tables;
+use super::effects_page;
 use super::report::{PriceRecord, Report, Row};
 use super::runs::Interval;
 use super::settings::Role;
+use super::words::{range, signed, with_interval};
 use crate::plot::number::short;
 
 /// The tables that `pathspace accuracy` prints.
@@ -29,6 +32,10 @@ pub fn text(report: &Report) -> String {
     settings(report, &mut lines);
     knobs(report, &mut lines);
     lengths(report, &mut lines);
+    if let Some(classes) = &report.classes {
+        class_tables::text(classes, &mut lines);
+    }
+    effects_page::text(report, &mut lines);
     for note in &report.notes {
         lines.push(format!("* {note}"));
     }
@@ -57,13 +64,21 @@ fn price_line(price: &PriceRecord) -> String {
     let predicted = format!(
         "{:>6} %  {:>26}  {:>26}",
         100.0 * price.error,
-        with_interval(&price.spp, 1.0),
-        with_interval(&price.seconds, 1.0)
+        predicted_text(price, &price.spp),
+        predicted_text(price, &price.seconds)
     );
     let Some(m) = price.measured else { return format!("{predicted}  beyond the budget") };
     let error = |e: Option<f64>| e.map_or("-".into(), |e| format!("{:.2} %", 100.0 * e));
     let estimated = error(m.estimated.map(|e| e.value));
     format!("{predicted}  {:>9} {:>9} {:>8} {estimated:>9}", m.spp, short(m.seconds), error(m.error))
+}
+
+/// A prediction with its interval, or what the pilot's tail leaves of it.
+pub fn predicted_text(price: &PriceRecord, of: &Interval) -> String {
+    match price.caution {
+        Some(_) => format!("at least {}", short(of.low)),
+        None => with_interval(of, 1.0),
+    }
 }
 
 fn settings(report: &Report, lines: &mut Vec<String>) {
@@ -159,31 +174,6 @@ pub fn efficiency(row: &Row) -> String {
         Some(e) => with_interval(e, 1.0),
         None if row.role == Role::Default => "1".into(),
         None => "-".into(),
-    }
-}
-
-fn range(i: &Interval) -> String {
-    format!("({} to {})", short(i.low), short(i.high))
-}
-
-/// "1.23 (1.10 to 1.36)", times `scale`.
-pub fn with_interval(i: &Interval, scale: f64) -> String {
-    let i = i.map(|v| v * scale);
-    if i.low.is_finite() && i.high.is_finite() && (i.low, i.high) != (0.0, f64::INFINITY) {
-        format!("{} {}", short(i.value), range(&i))
-    } else {
-        short(i.value)
-    }
-}
-
-/// "-1.2e-3 (-2e-3 to +1e-4)", times `scale`, with signs.
-pub fn signed(i: &Interval, scale: f64) -> String {
-    let i = i.map(|v| v * scale);
-    let sign = |v: f64| format!("{}{}", if v > 0.0 { "+" } else { "" }, short(v));
-    if i.low.is_finite() && i.high.is_finite() {
-        format!("{} ({} to {})", sign(i.value), sign(i.low), sign(i.high))
-    } else {
-        sign(i.value)
     }
 }
 

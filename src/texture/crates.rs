@@ -1,5 +1,8 @@
 //! Decoding in Rust: PNG, JPEG, WebP and Radiance by the `image` crate, OpenEXR by `exr`.
 //!
+//! OpenEXR is decoded by the thread that asks: images are decoded side by side anyway, and a fault of the crate in a
+//! thread of its own pool would abort the process.
+//!
 //! Limits: EXR needs channels of halves or floats named R, G and B, or Y, in its first layer; the largest level of a
 //! pyramid alone is read; no DWA compression.
 
@@ -191,7 +194,8 @@ fn decode_exr(bytes: &[u8]) -> Result<Image, String> {
                 |all: &mut Texels, at, (r, g, b, a): (f32, f32, f32, f32)| put(all, at, [r, g, b, a]),
             )
             .first_valid_layer()
-            .all_attributes();
+            .all_attributes()
+            .non_parallel();
         let layer = read.from_buffered(file).map_err(exr_broken)?.layer_data;
         (layer.size, layer.channel_data.pixels.1)
     } else {
@@ -206,7 +210,8 @@ fn decode_exr(bytes: &[u8]) -> Result<Image, String> {
                 |all: &mut Texels, at, (y, a): (f32, f32)| put(all, at, [y, y, y, a]),
             )
             .first_valid_layer()
-            .all_attributes();
+            .all_attributes()
+            .non_parallel();
         let layer = read.from_buffered(file).map_err(exr_broken)?.layer_data;
         (layer.size, layer.channel_data.pixels.1)
     };

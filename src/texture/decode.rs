@@ -5,9 +5,11 @@
 //! that are not finite are an error. The image of an OpenEXR file is its display window, 0 where it stores no texels.
 //! Limits: no deep data, no volumes; images inside a glTF are those that are told by their first bytes.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use super::crates;
-use super::encoded::Format;
 pub use super::encoded::{Decoder, Encoded, Header, MOST_TEXELS};
+use super::encoded::{Format, broken};
 use super::exr_header;
 pub use super::image::Image;
 #[cfg(feature = "basisu")]
@@ -26,7 +28,7 @@ pub fn inspect(encoded: Encoded, decoder: Decoder) -> Result<Header, Problem> {
     let file = Known::of(encoded, decoder)?;
     #[cfg(feature = "basisu")]
     if file.format.name == "ktx2" {
-        return Ok(ktx2::inspect(encoded)?);
+        return Ok(refused_if_it_fails(&file.format, || ktx2::inspect(encoded))?);
     }
     #[cfg(feature = "oiio")]
     if !file.in_rust {
@@ -39,7 +41,7 @@ pub fn inspect(encoded: Encoded, decoder: Decoder) -> Result<Header, Problem> {
         };
         return Ok(Header { texels, bytes: texels * if info.eight_bits { 4 } else { 16 } });
     }
-    Ok(crates::inspect(encoded, &file.format)?)
+    Ok(refused_if_it_fails(&file.format, || crates::inspect(encoded, &file.format))?)
 }
 
 /// Decodes an image into memory. The error says what was expected and found.
@@ -63,13 +65,18 @@ pub(crate) fn decode_any(encoded: Encoded, decoder: Decoder) -> Result<Image, Pr
 fn decode_stored(encoded: Encoded, file: &Known) -> Result<Image, Problem> {
     #[cfg(feature = "basisu")]
     if file.format.name == "ktx2" {
-        return Ok(ktx2::decode(encoded)?);
+        return Ok(refused_if_it_fails(&file.format, || ktx2::decode(encoded))?);
     }
     #[cfg(feature = "oiio")]
     if !file.in_rust {
         return Ok(read_all(&mut open(encoded, &file.format)?, &file.format)?);
     }
-    Ok(crates::decode(encoded, &file.format)?)
+    Ok(refused_if_it_fails(&file.format, || crates::decode(encoded, &file.format))?)
+}
+
+/// A decoder that panics has met a file that it should have refused: that is what the file's error says.
+fn refused_if_it_fails<T>(format: &Format, decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(broken(format, "bytes at which its decoder fails")))
 }
 
 /// What decides how a file is decoded.

@@ -186,13 +186,15 @@ impl Encoded<'_> {
 /// Ends of names of formats that are told by their bytes.
 const KNOWN_ENDS: [&str; 11] = ["png", "jpg", "jpeg", "exr", "hdr", "tif", "tiff", "tx", "webp", "tga", "dpx"];
 
-/// Whether the first bytes may be those of a TGA file: its kinds of images and of colour maps, and their depths.
+/// Whether the first bytes may be those of a TGA file that is read: its kinds of images, and their depths. Not those of
+/// colour maps (kinds 1 and 9): OpenImageIO 2.4 looks colours up beyond the end of the map where a file has such
+/// numbers.
 fn is_tga_header(first: &[u8]) -> bool {
     let [_, map, kind, .., width_low, width_high, height_low, height_high, depth, flags] = first else { return false };
     let [width, height] = [[*width_low, *width_high], [*height_low, *height_high]].map(u16::from_le_bytes);
     first.len() == HEADER
-        && *map <= 1
-        && [1, 2, 3, 9, 10, 11].contains(kind)
+        && *map == 0
+        && [2, 3, 10, 11].contains(kind)
         && [8, 15, 16, 24, 32].contains(depth)
         && width > 0
         && height > 0
@@ -241,4 +243,26 @@ pub(super) fn not_finite(texels: &[[f32; 4]], width: usize, first_row: usize) ->
     let count = texels.iter().filter(|texel| bad(texel)).count();
     let (x, y) = (first % width, first / width + first_row);
     Some(format!("expected finite texels, found {count} texels with NaN or infinity, the first at ({x}, {y})"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A TGA is read without a colour map alone. Oracle: the files' own headers.
+    #[test]
+    fn colour_maps_of_tga_are_refused() {
+        let format = |file: &[u8]| {
+            let file = [file, TGA_END].concat();
+            Encoded::Bytes(&file).format(Decoder::Default).ok().map(|format| format.name)
+        };
+        let plain = include_bytes!("../../fuzz/seeds/images/alpha.tga");
+        let mapped = include_bytes!("../../fuzz/seeds/images/palette.tga");
+        assert_eq!(format(plain).as_deref(), Some("targa"));
+        for (map, kind) in [(1, 1), (1, 9), (0, 1), (0, 9), (1, 2)] {
+            let mut file = mapped.to_vec();
+            (file[1], file[2]) = (map, kind);
+            assert_eq!(format(&file), None, "{map}, {kind}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! What looking once at every texel tells: means, and whether all are one.
+//! What looking once at every texel tells: means, ranges, and whether all are one.
 
 use glam::Vec3;
 
@@ -70,5 +70,51 @@ impl Sums {
 
     pub(super) fn mean(&self) -> Vec3 {
         Vec3::from_array(self.sum.map(|sum| (sum / self.texels.max(1) as f64) as f32))
+    }
+}
+
+/// Least and largest value of each channel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extremes {
+    least: [f32; 4],
+    most: [f32; 4],
+}
+
+impl Default for Extremes {
+    /// Of no texel.
+    fn default() -> Self {
+        Extremes { least: [f32::INFINITY; 4], most: [f32::NEG_INFINITY; 4] }
+    }
+}
+
+impl Extremes {
+    /// Of texels of 8 bits, over 255.
+    pub(super) fn of_bytes<'t>(texels: impl IntoIterator<Item = &'t [u8; 4]>) -> Self {
+        let (mut least, mut most) = ([u8::MAX; 4], [0; 4]);
+        for texel in texels {
+            for c in 0..4 {
+                (least[c], most[c]) = (least[c].min(texel[c]), most[c].max(texel[c]));
+            }
+        }
+        let value = |byte| f32::from(byte) / 255.0;
+        Extremes { least: least.map(value), most: most.map(value) }
+    }
+
+    /// Of floats.
+    pub(super) fn of_floats<'t>(texels: impl IntoIterator<Item = &'t [f32; 4]>) -> Self {
+        texels.into_iter().fold(Extremes::default(), |range, &texel| range.and(Extremes { least: texel, most: texel }))
+    }
+
+    /// Of these texels and others.
+    pub(super) fn and(self, other: Self) -> Self {
+        Extremes {
+            least: std::array::from_fn(|c| self.least[c].min(other.least[c])),
+            most: std::array::from_fn(|c| self.most[c].max(other.most[c])),
+        }
+    }
+
+    /// Least and largest value of a channel.
+    pub(super) fn channel(&self, channel: usize) -> [f32; 2] {
+        [self.least[channel], self.most[channel]]
     }
 }

@@ -186,3 +186,134 @@ fn text(buffer: &[c_char]) -> String {
 fn c_string(bytes: &[u8]) -> Result<CString, String> {
     CString::new(bytes).map_err(|_| "expected a path, found a NUL byte".into())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::texture::ColorSpace;
+    use crate::texture::decode::Encoded;
+    use crate::texture::load::{Budget, Request, load};
+    use crate::texture::{Texels, Texture, Wrap, lookup};
+
+    /// The seeds of the fuzzer whose formats are read here: an image in the ways that they can store it. Not a TGA with
+    /// a colour map, which is refused; nor JPEG in tiles, which OpenImageIO 2.4.7 writes and cannot read again.
+    fn seeds() -> Vec<(PathBuf, String)> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds/images");
+        let mut all: Vec<_> = std::fs::read_dir(&folder)
+            .expect("the seeds")
+            .map(|entry| entry.expect("a seed").path())
+            .filter_map(|path| Some((path.extension()?.to_str()?.to_owned(), path)))
+            .filter(|(end, _)| ["exr", "tif", "tx", "hdr", "tga", "dpx"].contains(&end.as_str()))
+            .filter(|(_, path)| !path.ends_with("tiled-jpeg.tif") && !path.ends_with("palette.tga"))
+            .map(|(end, path)| (path, if end == "tx" { "tif".into() } else { end }))
+            .collect();
+        all.sort();
+        all
+    }
+
+    /// All texels of a level, row of tiles by row of tiles.
+    fn level_of(reader: &mut Reader, level: usize) -> Result<Rows, String> {
+        let (_, height) = reader.info().levels[level];
+        let step = reader.info().tile.map_or(5, |(_, rows)| rows as usize);
+        let mut all = if reader.info().eight_bits { Rows::Eight(Vec::new()) } else { Rows::Float(Vec::new()) };
+        for first in (0..height).step_by(step) {
+            all.extend(&reader.read(level, first..(first + step).min(height))?);
+        }
+        Ok(all)
+    }
+
+    /// Oracle: an image is the same from a file, from memory and tile by tile, and has as many texels as its header
+    /// says. What is cut off or altered is read or refused, on one line. (The part `memory` of .ci/run runs this under
+    /// valgrind: nothing beyond a buffer is read or written, and no texel is what memory happened to hold.)
+    #[test]
+    fn images_are_the_same_from_files_memory_and_tiles() {
+        let (mut read, mut from_memory, mut in_tiles) = (0, 0, 0);
+        for (path, format) in seeds() {
+            let mut reader = Reader::open(&path, &format, None).unwrap_or_else(|line| panic!("{path:?}: {line}"));
+            let info = reader.info().clone();
+            let levels: Vec<Rows> = (0..info.levels.len())
+                .map(|level| level_of(&mut reader, level).unwrap_or_else(|line| panic!("{path:?}: {line}")))
+                .collect();
+            let bytes = std::fs::read(&path).expect("a seed");
+            if let Ok(mut reader) = Reader::open(Path::new("memory"), &format, Some(&bytes)) {
+                assert_eq!(reader.info(), &info);
+                let level = level_of(&mut reader, 0).unwrap_or_else(|line| panic!("{path:?}: {line}"));
+                assert!(level == levels[0], "{path:?}");
+                from_memory += 1;
+            }
+            for (number, (&(width, height), texels)) in info.levels.iter().zip(&levels).enumerate() {
+                let texel_bytes = if info.eight_bits { 4 } else { 16 };
+                assert_eq!(texels.bytes(), (width * height * texel_bytes) as u64, "{path:?}");
+                let Some((across, down)) = info.tile else { continue };
+                for (left, top) in (0..height)
+                    .step_by(down as usize)
+                    .flat_map(|top| (0..width).step_by(across as usize).map(move |left| (left, top)))
+                {
+                    let columns = left..(left + across as usize).min(width);
+                    let rows = top..(top + down as usize).min(height);
+                    let mut tile = texels.empty();
+                    tile.resize(columns.len() * rows.len());
+                    reader.read_into(number, columns.clone(), rows.clone(), &mut tile).expect("a tile");
+                    let strip = texels.part(rows.start * width..rows.end * width);
+                    assert!(tile == strip.columns(width, columns), "{path:?}");
+                    in_tiles += 1;
+                }
+            }
+            read += 1;
+
+            let line = |problem: String| assert!(!problem.contains('\n'), "{problem}");
+            let mut altered = bytes.clone();
+            for place in [bytes.len() / 3, bytes.len() / 2, bytes.len() - 9] {
+                altered[place] ^= 0x55;
+            }
+            for bytes in [&bytes[..bytes.len() / 2], &altered] {
+                match Reader::open(Path::new("memory"), &format, Some(bytes)) {
+                    Ok(mut reader) => level_of(&mut reader, 0).map_or_else(line, |_| ()),
+                    Err(problem) => line(problem),
+                }
+            }
+        }
+        assert!(read > 55 && from_memory > 30 && in_tiles > 30, "{read}, {from_memory}, {in_tiles}");
+    }
+
+    /// Oracle: look-ups through the tile cache give what look-ups in memory give. From several threads.
+    #[test]
+    fn tiles_through_the_cache_are_the_image() {
+        let mut stored = 0;
+        for (path, _) in seeds().into_iter().filter(|(path, _)| path.to_string_lossy().contains("pyramid")) {
+            let request =
+                Request { encoded: Encoded::File(&path), color_spaces: [Some(ColorSpace::Srgb), None], name: "a seed" };
+            let of = |bytes: u64| {
+                let all = load(&[request], Budget { bytes, ..Budget::default() }, false);
+                let image = all.into_iter().next().expect("one image").expect("a valid image")[0].take();
+                let image = image.expect("the one that was asked for");
+                Texture {
+                    name: String::new(),
+                    width: image.width,
+                    height: image.height,
+                    texels: image.texels,
+                    color_space: ColorSpace::Srgb,
+                    wrap_u: Wrap::Repeat,
+                    wrap_v: Wrap::Repeat,
+                    bilinear: true,
+                }
+            };
+            let (held, kept) = (of(1 << 20), of(1));
+            stored += usize::from(matches!(kept.texels, Texels::Stored(_)));
+            std::thread::scope(|scope| {
+                for thread in 0..2 {
+                    let (held, kept) = (&held, &kept);
+                    scope.spawn(move || {
+                        for i in 0..200 {
+                            let uv = glam::Vec2::new(0.037 * (i + 100 * thread) as f32, 0.091 * i as f32);
+                            assert_eq!(lookup(held, uv), lookup(kept, uv), "{uv}");
+                        }
+                    });
+                }
+            });
+        }
+        assert!(stored > 1, "{stored}");
+    }
+}

@@ -16,7 +16,7 @@ use super::cache::{Cache, Key};
 use super::color::{ColorSpace, linear, srgb};
 #[cfg(feature = "oiio")]
 use super::files::{FileTiles, Files};
-use super::mean::{Histogram, Sums, one_for_all};
+use super::mean::{Extremes, Histogram, Sums, one_for_all};
 use super::plane::Rows;
 use super::scratch::Scratch;
 use super::stats::{TextureFault, TextureStats};
@@ -221,6 +221,10 @@ impl Stored {
         self.scan.constant
     }
 
+    pub(super) fn range(&self, channel: usize) -> [f32; 2] {
+        self.scan.range.channel(channel)
+    }
+
     pub(super) fn may_have_alpha(&self) -> bool {
         self.scan.has_alpha
     }
@@ -315,6 +319,7 @@ fn checksum(bytes: &[u8]) -> u64 {
 pub(super) struct Scan {
     histogram: Option<Box<Histogram>>,
     sums: Sums,
+    range: Extremes,
     constant: Option<[f32; 4]>,
     has_alpha: bool,
     begun: bool,
@@ -333,11 +338,13 @@ impl Scan {
         let value = match rows {
             Rows::Eight(texels) => {
                 self.histogram.get_or_insert_default().add(texels);
+                self.range = self.range.and(Extremes::of_bytes(texels));
                 self.has_alpha |= texels.iter().any(|texel| texel[3] < u8::MAX);
                 one_for_all(texels).map(|texel| texel.map(|c| f32::from(c) / 255.0))
             }
             Rows::Float(texels) => {
                 self.sums.add(texels);
+                self.range = self.range.and(Extremes::of_floats(texels));
                 self.has_alpha |= texels.iter().any(|texel| texel[3] < 1.0);
                 one_for_all(texels)
             }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::color::ColorSpace;
-use super::mean::{Histogram, Sums, one_for_all};
+use super::mean::{Extremes, Histogram, Sums, one_for_all};
 use super::plane::Plane;
 use super::pyramid::{EightBits, Floats, complete};
 use super::stored::{Stored, Tiles};
@@ -96,6 +96,19 @@ impl Texels {
             Texels::Float(plane) => plane.iter().any(|texel| texel[3] < 1.0),
             Texels::Stored(stored) => stored.may_have_alpha(),
             Texels::Udim(udim) => udim.pages().any(|(_, page)| page.texels.may_have_alpha()),
+        }
+    }
+
+    /// Least and largest value of a channel as stored, with 8-bit channels over 255.
+    pub fn range(&self, channel: usize) -> [f32; 2] {
+        match self {
+            Texels::Eight(plane) => Extremes::of_bytes(plane.iter()).channel(channel),
+            Texels::Float(plane) => Extremes::of_floats(plane.iter()).channel(channel),
+            Texels::Stored(stored) => stored.range(channel),
+            Texels::Udim(udim) => {
+                let ranges = udim.pages().map(|(_, page)| page.texels.range(channel));
+                ranges.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0.0, 1.0])
+            }
         }
     }
 

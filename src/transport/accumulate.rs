@@ -5,21 +5,23 @@ use super::raygen::Chunk;
 use super::wave::Wave;
 use crate::backend::batch::{BLOCKED, LANES};
 use crate::film::Pixel;
+use crate::film::ids::Ids;
 use crate::film::layer::bounces::LENGTHS;
 use crate::film::pairwise;
 use crate::film::store::Plane;
 use crate::math::columns::get;
-use crate::plan::aov::Gathers;
+use crate::plan::aov::{Gathers, Guide, Lobes};
 
 /// Adds the radiance of every shadow ray that was not blocked; the path through the light has `edge` edges.
 #[inline(always)]
 pub fn shadows(wave: &mut Wave, edge: u32) {
     let Wave { shadows, sums, .. } = wave;
     let mut left = shadows.len;
-    for (rays, carried) in shadows.rays.iter().zip(&shadows.carried) {
+    for (block, (rays, carried)) in shadows.rays.iter().zip(&shadows.carried).enumerate() {
         for i in 0..left.min(LANES) {
             if rays.tfar[i] != BLOCKED {
-                sums.add(carried.slot[i], edge, get(&carried.radiance, i));
+                let origin = || shadows.origins.get(block * LANES + i).copied().unwrap_or_default();
+                sums.add(carried.slot[i], edge, origin, get(&carried.radiance, i));
             }
         }
         left = left.saturating_sub(LANES);
@@ -72,10 +74,18 @@ pub fn layers(chunk: &Chunk, wave: &Wave, planes: &mut [Plane], first: usize) {
         match plane.layer.aov.gathers() {
             Gathers::PathLengths => path_lengths(chunk, wave, plane, first),
             Gathers::Edges { least, most } => edges(chunk, wave, plane, first, [least, most.min(LENGTHS - 1)]),
+            Gathers::LightGroups => light_groups(chunk, wave, plane, first),
+            Gathers::Scattered(kind) => scattered(chunk, wave, plane, first, kind),
             Gathers::FirstHit => {
-                add(chunk, wave, plane, first, |slot| &wave.sums.first_hits[slot * first_hits + number]);
+                let met = |slot: usize| &wave.sums.first_hits[slot * first_hits + number];
+                if plane.layer.is_of_ids() {
+                    ids(chunk, wave, &mut plane.ids[first..], met);
+                } else {
+                    add(chunk, wave, plane, first, met);
+                }
                 number += 1;
             }
+            Gathers::Followed(guide) => followed(chunk, wave, plane, first, guide),
             Gathers::Nothing | Gathers::Centre => {}
         }
     }
@@ -94,38 +104,80 @@ fn add<'w>(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, values: 
     }
 }
 
-/// [`add`] for the terms by path length, whose number is known: the loop is then straight vector code.
-fn path_lengths(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize) {
+/// [`add`] for what paths come to through mirrors and glass, by halves.
+fn followed(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, guide: Guide) {
     for p in 0..chunk.pixels.len() {
-        let sum = pairwise::sum(chunk.samples, |s| {
-            // What the film counts as 0 is 0 in every part of it.
-            let slot = p * chunk.samples + s;
-            let gathered = &wave.sums.gathered[slot];
-            if !gathered.radiance.iter().all(|c| c.is_finite()) {
-                return [0.0; TERMS];
-            }
-            let weight = f64::from(gathered.weight);
-            let terms = wave.sums.per_length[slot].as_flattened();
-            std::array::from_fn(|i| weight * f64::from(terms[i]))
-        });
-        plane.pixel_mut(first + p).copy_from_slice(&sum);
+        for (half, kept) in plane.pixel_mut(first + p).as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            let skipped = (chunk.first_sample as usize ^ half) & 1;
+            *kept = pairwise::sum((chunk.samples + 1 - skipped) / 2, |i| {
+                let slot = p * chunk.samples + skipped + 2 * i;
+                let weight = f64::from(wave.sums.gathered[slot].weight);
+                wave.sums.followed[slot].of(guide).map(|value| weight * f64::from(value))
+            });
+        }
+    }
+}
+
+/// Writes the ids of the chunk's samples to its pixels, the first of `lists`.
+fn ids<'w>(chunk: &Chunk, wave: &Wave, lists: &mut [Ids], met: impl Fn(usize) -> &'w [f32; 3]) {
+    for (p, list) in lists.iter_mut().enumerate().take(chunk.pixels.len()) {
+        list.clear();
+        for slot in p * chunk.samples..(p + 1) * chunk.samples {
+            let sign = if wave.sums.gathered[slot].weight < 0.0 { -1 } else { 1 };
+            list.add(met(slot)[0].to_bits(), sign);
+        }
+    }
+}
+
+/// [`add`] for parts of the radiance: what the film counts as 0 is 0 in every part of it.
+fn share<const W: usize>(chunk: &Chunk, wave: &Wave, p: usize, part: impl Fn(usize) -> [f64; W]) -> [f64; W] {
+    pairwise::sum(chunk.samples, |s| {
+        let slot = p * chunk.samples + s;
+        let gathered = &wave.sums.gathered[slot];
+        if !gathered.radiance.iter().all(|c| c.is_finite()) {
+            return [0.0; W];
+        }
+        let weight = f64::from(gathered.weight);
+        part(slot).map(|value| weight * value)
+    })
+}
+
+/// [`share`] by path length, whose number is known: the loop is then straight vector code.
+fn path_lengths(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize) {
+    let part = |slot: usize| -> [f64; TERMS] {
+        let terms = wave.sums.parts.by_length(slot).as_flattened();
+        std::array::from_fn(|i| f64::from(terms[i]))
+    };
+    for p in 0..chunk.pixels.len() {
+        plane.pixel_mut(first + p).copy_from_slice(&share(chunk, wave, p, part));
     }
 }
 
 /// [`path_lengths`] of some lengths together.
 fn edges(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, [least, most]: [usize; 2]) {
+    let part = |slot: usize| -> [f64; 3] {
+        let terms = &wave.sums.parts.by_length(slot)[least..=most];
+        std::array::from_fn(|c| terms.iter().map(|term| f64::from(term[c])).sum::<f64>())
+    };
     for p in 0..chunk.pixels.len() {
-        let sum = pairwise::sum(chunk.samples, |s| {
-            let slot = p * chunk.samples + s;
-            let gathered = &wave.sums.gathered[slot];
-            if !gathered.radiance.iter().all(|c| c.is_finite()) {
-                return [0.0; 3];
-            }
-            let weight = f64::from(gathered.weight);
-            let terms = &wave.sums.per_length[slot][least..=most];
-            std::array::from_fn(|c| weight * terms.iter().map(|term| f64::from(term[c])).sum::<f64>())
-        });
-        plane.pixel_mut(first + p).copy_from_slice(&sum);
+        plane.pixel_mut(first + p).copy_from_slice(&share(chunk, wave, p, part));
+    }
+}
+
+/// [`share`] by light group.
+fn light_groups(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize) {
+    for p in 0..chunk.pixels.len() {
+        for (group, sum) in plane.pixel_mut(first + p).as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            *sum = share(chunk, wave, p, |slot| wave.sums.parts.by_group(slot)[group].map(f64::from));
+        }
+    }
+}
+
+/// [`share`] by kind of lobe at the first vertex.
+fn scattered(chunk: &Chunk, wave: &Wave, plane: &mut Plane, first: usize, kind: Lobes) {
+    let part = |slot: usize| wave.sums.parts.by_lobe(slot, kind).map(f64::from);
+    for p in 0..chunk.pixels.len() {
+        plane.pixel_mut(first + p).copy_from_slice(&share(chunk, wave, p, part));
     }
 }
 

@@ -4,7 +4,9 @@
 use super::emission;
 use super::estimator;
 use super::kind::{KINDS, Kind};
+use super::light_paths::ratio;
 use super::media;
+use super::origin;
 use super::tape::{LANE, Tape};
 use super::wave::{Path, Wave};
 use super::world::World;
@@ -101,13 +103,19 @@ fn escape<T: Tape>(world: &World, wave: &mut Wave, (block, missed): (usize, u16)
     }
     let radiance = light.lookup(&points, missed);
     for i in lanes_of(missed) {
-        let weight = estimator::emission_weight(world.strategy, paths.last_pdf_sa[i], light_pdf[i]);
+        let mut weight = estimator::emission_weight(world.strategy, paths.last_pdf_sa[i], light_pdf[i]);
+        if world.features.light_paths {
+            let (ratio, densities) = (wave.ratios[paths.slot[i] as usize], [paths.last_pdf_sa[i], light_pdf[i]]);
+            let shared = ratio::weight_of_environment(world, (ray.org(i), ray.dir(i)), (ratio, densities));
+            weight = shared.unwrap_or(weight);
+        }
         let mut arrives = get(&radiance, i);
         if world.features.media {
             arrives *= media::left_to_infinity(world, &wave.media[paths.slot[i] as usize]);
         }
         if weight > 0.0 {
-            wave.sums.add(paths.slot[i], edge, get(&paths.beta, i) * arrives * weight);
+            let origin = || origin::of_environment(world);
+            wave.sums.add(paths.slot[i], edge, origin, get(&paths.beta, i) * arrives * weight);
         }
         if T::ON && i == LANE {
             let path = Path::get(paths, i);

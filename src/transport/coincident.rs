@@ -41,7 +41,7 @@ struct Face {
 
 impl Face {
     fn new(world: &World, hit: Hit, dir: DVec3) -> Face {
-        let n = Vec3::from(world.geometry.triangle(hit.geom, hit.prim).n_g).as_dvec3();
+        let n = Vec3::from(world.geometry.triangle_at(hit.geom, hit.prim, hit.time).n_g).as_dvec3();
         Face { hit, fronts: n.dot(dir) < 0.0, solid: media::solid_of(world, &hit) }
     }
 
@@ -82,21 +82,22 @@ fn choose(world: &World, hit: Hit, dir: Vec3, partners: Partners, is_passed: &dy
     let moved = geometry.moving.at(hit.inst, hit.time);
     let placement = moved.as_ref().or_else(|| geometry.instances.get(hit.inst as usize));
     let dir = placement.map_or(dir, |placement| placement.object_from_world.transform_vector3(dir)).as_dvec3();
-    let [a, b, c] = corners(geometry.triangle(hit.geom, hit.prim));
+    let own_corners = geometry.triangle_at(hit.geom, hit.prim, hit.time);
+    let [a, b, c] = corners(&own_corners);
     let (u, v) = (f64::from(hit.u), f64::from(hit.v));
     let p = a * (1.0 - u - v) + b * u + c * v;
 
     let at = |record: u32| Face::new(world, Hit { prim: record - first, ..hit }, dir);
     // Whether the ray meets that triangle as well, and where.
     let placed = |face: Face, record: u32| {
-        let (u, v) = weights(p, corners(&geometry.triangles[record as usize]))?;
+        let (u, v) = weights(p, corners(&geometry.triangle_at(hit.geom, record - first, hit.time)))?;
         let hit = Hit { u, v, ..face.hit };
         (!is_passed(&hit)).then_some(Face { hit, ..face })
     };
     // A floor has many partners, few of them here: where one lies is asked last.
     let own = Face::new(world, hit, dir);
     // Where it is certain that partners face the ray as their group does.
-    let cos = Vec3::from(geometry.triangle(hit.geom, hit.prim).n_g).as_dvec3().dot(dir);
+    let cos = Vec3::from(own_corners.n_g).as_dvec3().dot(dir);
     let rivals = match cos.abs() < f64::from(GRAZING) * dir.length() {
         true => partners.all,
         false if own.fronts => partners.before,

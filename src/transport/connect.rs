@@ -3,10 +3,13 @@
 //! lane. The numbers are those of [`Lights::sample`](crate::shading::light::Lights::sample).
 
 use super::choose::{self, Chosen};
+use super::departure;
 use super::estimator;
 use super::kernel::Scattered;
 use super::material;
 use super::media;
+use super::parts::Origin;
+use super::start::Start;
 use super::tape::{Event, LANE, Tape};
 use super::vertex::{self, Number, Shadow, triple};
 use super::vertices::Vertices;
@@ -42,6 +45,8 @@ pub struct LightLanes {
     pub normal: Lane3,
     /// Error bounds of `target`, metres.
     pub error: Lane,
+    /// Their numbers.
+    pub number: [u32; LANES],
     /// 1 where the light is at infinity.
     pub infinite: Mask,
     /// 0 for delta lights, which BSDF sampling cannot find, else 1.
@@ -58,6 +63,8 @@ pub struct Samples<'a> {
     pub lit: &'a Mask,
     /// The paths, and how they came there.
     pub from: (&'a RayHitBlock, &'a PathBlock),
+    /// Their lights, where layers tell these apart.
+    pub origins: Option<[Origin; LANES]>,
 }
 
 impl LightLanes {
@@ -72,6 +79,7 @@ impl LightLanes {
             target: ZERO3,
             normal: ZERO3,
             error: ZERO,
+            number: [0; LANES],
             infinite: [0; LANES],
             shared: [1.0; LANES],
         };
@@ -87,7 +95,7 @@ impl LightLanes {
                 light.error[i] = point.error;
             }
         } else if let Some(environment) = world.lights.only_environment() {
-            light.draw_environment(environment, active, u);
+            light.draw_environment((world.lights.environment_number(), environment), active, u);
         } else if let Some(by_receiver) = world.lights.by_receiver() {
             light.choose::<I>(world, by_receiver, active, (receiver, n), u);
         } else {
@@ -135,6 +143,9 @@ impl LightLanes {
             keep[i] = u32::from(end > 0.0) & u32::from(end < f32::INFINITY) & u32::from(carried > 0.0);
             tfar[i] = if finite { end } else { f32::INFINITY };
         }
+        if world.features.exact_starts {
+            self.start_at_vertices(world, samples, (&mut rays, &mut tfar, &mut keep), &mut shadows.starts);
+        }
         if world.features.boundaries {
             let lanes = (&rays.dir, bits(&keep));
             media::start_shadows(world, vertices, samples.from, lanes, media, &mut shadows.media);
@@ -144,8 +155,36 @@ impl LightLanes {
         if told {
             tape.note(|| self.told(world, samples, emitted, keep[LANE] != 0));
         }
+        if let Some(origins) = &samples.origins {
+            shadows.origins.extend(lanes_of(bits(&keep)).map(|i| origins[i]));
+        }
         let light = ShadowBlock { radiance: self.radiance, slot: samples.from.1.slot };
         shadows.append::<I>(&rays, &tfar, &light, bits(&keep));
+    }
+
+    /// The shadow rays of the lanes `keep` start exactly where they leave surfaces: see [`departure`].
+    #[inline(never)]
+    fn start_at_vertices(
+        &self,
+        world: &World,
+        samples: &Samples,
+        (rays, tfar, keep): (&mut RayLanes, &mut Lane, &mut Mask),
+        starts: &mut Vec<Start>,
+    ) {
+        for i in lanes_of(bits(keep)) {
+            let start = departure::start(world, samples.vertices, samples.from.0, (i, get(&rays.dir, i)));
+            set(&mut rays.org, i, start.p);
+            if self.infinite[i] == 0 {
+                let target = (get(&self.target, i), get(&self.normal, i), self.error[i]);
+                let Some(segment) = float::shadow_segment(start.p, target.0, target.1, target.2) else {
+                    keep[i] = 0;
+                    continue;
+                };
+                set(&mut rays.dir, i, segment.dir);
+                tfar[i] = segment.tfar;
+            }
+            starts.push(start);
+        }
     }
 
     /// Turns the radiance of each light sample into what its shadow ray carries; 0 where nothing can arrive.
@@ -181,7 +220,7 @@ impl LightLanes {
     }
 
     #[inline(always)]
-    fn draw_environment(&mut self, environment: &EnvironmentLight, active: &Mask, u: &[Lane; 4]) {
+    fn draw_environment(&mut self, (number, environment): (u32, &EnvironmentLight), active: &Mask, u: &[Lane; 4]) {
         // Idle lanes all draw the same: their numbers may be none.
         let (mut across, mut along) = (ZERO, ZERO);
         for i in 0..LANES {
@@ -193,6 +232,7 @@ impl LightLanes {
             let usable = (active[i] != 0) & (drawn.pdf_sa[i] < f32::INFINITY);
             self.pdf_sa[i] = if usable { drawn.pdf_sa[i] } else { 0.0 };
         }
+        self.number = [number; LANES];
         self.wi = drawn.wi;
         self.radiance = environment.lookup(&drawn.points, bits(active));
         self.infinite = [1; LANES];
@@ -224,6 +264,7 @@ impl LightLanes {
         if on_areas != 0 {
             self.draw_areas::<I>(world, &chosen, on_areas, receiver, u);
         }
+        self.number = chosen.light;
         for i in lanes_of(elsewhere) {
             let sample = world.lights.sample_chosen(&chosen.get(i), get(receiver, i), [u[1][i], u[2][i]]);
             self.put(world, i, sample);
@@ -269,6 +310,7 @@ impl LightLanes {
     #[inline(always)]
     fn put(&mut self, world: &World, i: usize, sample: Option<LightSample>) {
         let Some(sample) = sample else { return };
+        self.number[i] = sample.light;
         let mut radiance = sample.radiance;
         if let Some(point) = sample.texture_point {
             radiance *= material::emission_texel(world, &point);

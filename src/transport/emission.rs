@@ -3,7 +3,9 @@
 use glam::Vec3;
 
 use super::estimator;
+use super::light_paths::ratio;
 use super::material::{self, Place};
+use super::origin;
 use super::tape::{Event, LANE, Tape};
 use super::vertex::{self, End, Number, triple};
 use super::vertices::Vertices;
@@ -19,7 +21,7 @@ pub fn emit<T: Tape>(
     world: &World,
     vertices: &Vertices,
     (rays, paths): (&RayHitBlock, &PathBlock),
-    (sums, edge): (&mut Sums, u32),
+    (sums, ratios, edge): (&mut Sums, &[f32], u32),
     tape: &mut T,
 ) {
     for i in 0..LANES {
@@ -38,10 +40,16 @@ pub fn emit<T: Tape>(
         } else {
             light_pdf_sa(world, vertices, rays, &path, i)
         };
-        let weight = estimator::emission_weight(world.strategy, path.last_pdf_sa, light_pdf_sa);
+        let mut weight = estimator::emission_weight(world.strategy, path.last_pdf_sa, light_pdf_sa);
+        if world.features.light_paths && vertices.light[i] != u32::MAX {
+            let ratio = ratios[path.slot as usize];
+            let shared = ratio::weight_of_area(world, vertices, i, (ratio, [path.last_pdf_sa, light_pdf_sa]));
+            weight = shared.unwrap_or(weight);
+        }
         let radiance = || material::emission(world, material, Place::of_lane(world, rays, i));
         if weight > 0.0 {
-            sums.add(path.slot, edge, get(&vertices.beta, i) * radiance() * weight);
+            let origin = || origin::of_surface(world, rays, i, vertices.light[i]);
+            sums.add(path.slot, edge, origin, get(&vertices.beta, i) * radiance() * weight);
         }
         if T::ON && i == LANE {
             tape.note(|| told(get(&vertices.beta, i), radiance(), &path, [light_pdf_sa, weight]));
@@ -77,10 +85,11 @@ pub fn show_unlit<T: Tape>(
         let material = &world.scene.materials[vertices.material[i] as usize];
         if vertices.active[i] != 0 && material.unlit {
             let color = material::unlit(world, rays, vertices, i);
-            sums.add(paths.slot[i], edge, get(&vertices.beta, i) * color);
+            let origin = || origin::of_surface(world, rays, i, u32::MAX);
+            sums.add(paths.slot[i], edge, origin, get(&vertices.beta, i) * color);
             vertices.active[i] = 0;
             if T::ON && i == LANE {
-                tape.note(|| Event::Model("unlit", (get(&vertices.n_s, i) * vertices.side[i]).into()));
+                tape.note(|| Event::Model("unlit", (get(&vertices.n_s, i) * vertices.side[i]).into(), 1.0));
                 tape.note(|| told(get(&vertices.beta, i), color, &Path::get(paths, i), [0.0, 1.0]));
                 tape.note(|| Event::End(Some(End::Unlit)));
             }

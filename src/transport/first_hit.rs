@@ -10,6 +10,7 @@ use super::counters::Counters;
 use super::job::Job;
 use super::material::{self, Place};
 use super::media;
+use super::motion;
 use super::pass_through;
 use super::wave::Wave;
 use crate::backend::Coherence;
@@ -21,14 +22,15 @@ use crate::shading::interaction::Interaction;
 use crate::texture;
 
 /// What a ray meets first.
-struct FirstHit {
+pub(super) struct FirstHit {
+    hit: Hit,
     at: Interaction,
     /// Whether the ray comes from the back of the triangle.
     from_behind: bool,
     /// Base colour with texture and vertex colour.
-    albedo: Vec3,
+    pub albedo: Vec3,
     /// Unit shading normal before normal maps, turned to the viewer.
-    normal: Vec3,
+    pub normal: Vec3,
     /// Along the view axis, metres.
     depth: f32,
 }
@@ -45,8 +47,12 @@ fn value_of(aov: Aov) -> Value {
         Aov::DEPTH => |_, hit| Vec3::splat(hit.depth),
         Aov::POSITION => |job, hit| (hit.at.p.as_dvec3() + job.world.scene.origin).as_vec3(),
         Aov::UV => |job, hit| hit.at.uv(job.world.geometry).unwrap_or_default().extend(0.0),
+        Aov::MOTION => |job, hit| motion::of_surface(job, &hit.hit).extend(0.0),
         Aov::BACKGROUND => |_, _| Vec3::ZERO,
         Aov::COVERAGE => |_, _| Vec3::ONE,
+        Aov::CRYPTO_OBJECT => |job, hit| hit.id(job, &job.names.objects),
+        Aov::CRYPTO_MATERIAL => |job, hit| hit.id(job, &job.names.materials),
+        Aov::CRYPTO_ASSET => |job, hit| hit.id(job, &job.names.assets),
         _ => unreachable!("{aov} is not of the first hit"),
     }
 }
@@ -126,17 +132,21 @@ pub fn centres(job: &Job, pixels: &[(u32, u32)], planes: &mut [Plane], counters:
     }
     counters.rays_camera += pixels.len() as u64;
     counters.invalid_rays += job.backend.closest_hit(&mut rays, pixels.len(), Coherence::Coherent);
-    if job.world.features.alpha || job.world.features.boundaries {
+    if job.world.features.passes(1) {
         counters.rays_camera += pass_through::closest_of_centres(job, &mut rays, pixels.len(), counters);
     } else if job.world.features.coincident {
         coincident::settle_all(&job.world, &mut rays, pixels.len());
     }
     for lane in 0..pixels.len() {
         let (block, i) = (&rays[lane / LANES], lane % LANES);
-        let Some(hit) = block.hit(i) else { continue };
-        let met = FirstHit::at(job, &hit, block.ray.dir(i));
+        let dir = block.ray.dir(i);
+        let met = block.hit(i).map(|hit| FirstHit::at(job, &hit, dir));
         for plane in planes.iter_mut().filter(wanted) {
-            let value = value_of(plane.layer.aov)(job, &met);
+            let value = match (plane.layer.aov, &met) {
+                (aov, Some(met)) => value_of(aov)(job, met),
+                (Aov::MOTION, None) => motion::of_infinity(job, dir).extend(0.0),
+                (_, None) => continue,
+            };
             plane.pixel_mut(lane).copy_from_slice(&value.to_array().map(f64::from));
         }
     }
@@ -149,13 +159,20 @@ fn layers(job: &Job, gathers: Gathers) -> impl Iterator<Item = Aov> {
 }
 
 impl FirstHit {
-    fn at(job: &Job, hit: &Hit, dir: Vec3) -> Self {
+    pub fn at(job: &Job, hit: &Hit, dir: Vec3) -> Self {
         let at = Interaction::at(job.world.geometry, hit, job.world.features.smooth_normals);
         let material = &job.world.scene.materials[at.material as usize];
         let from_behind = at.n_g.dot(dir) > 0.0;
         let normal = if from_behind { -at.n_s } else { at.n_s };
         let albedo = material::base_color(&job.world, material, Place::of(&at));
-        FirstHit { from_behind, albedo, normal, depth: job.camera.depth(at.p), at }
+        FirstHit { hit: *hit, from_behind, albedo, normal, depth: job.camera.depth(at.p), at }
+    }
+
+    /// What `ids` has for the instance that is met, as the first of three numbers. Zeros, where nothing is met, are no
+    /// id.
+    fn id(&self, job: &Job, ids: &[u32]) -> Vec3 {
+        let owner = job.world.geometry.owners.of(self.hit.inst, self.hit.prim);
+        Vec3::new(f32::from_bits(ids[owner]), 0.0, 0.0)
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the loop reads besides the [`World`]: backend, camera, filter, and the source of random numbers.
 
+use super::names::Names;
 use super::world::World;
 use crate::backend::Backend;
 use crate::camera::CameraRays;
@@ -29,6 +30,10 @@ pub struct Job<'a> {
     pub seed: u64,
     /// Columns of the full image: pixels are numbered row by row.
     pub columns: u32,
+    /// Rows of the full image.
+    pub rows: u32,
+    /// Ids of what is met, for layers of them.
+    pub names: &'a Names,
     /// Layers besides the beauty.
     pub layers: &'a [Aov],
     /// Whether kernels may run in AVX-512.

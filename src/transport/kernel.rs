@@ -16,6 +16,9 @@ use crate::math::columns::{Column, Lane, Lane3, Mask, ZERO, ZERO3, get, set};
 use crate::math::frame::Frame;
 use crate::shading::bsdf::model::{Bsdf, BsdfEval, BsdfSample};
 
+/// What [`Lanes::sample`] returns for lanes of a delta lobe that was drawn about the geometric normal.
+pub const FLAT: u32 = 3;
+
 /// Sixteen surfaces with the viewer's side of them worked out.
 #[repr(C, align(64))]
 pub struct Lanes<'t, B: Bsdf<'t>> {
@@ -199,17 +202,47 @@ impl<'t, B: Bsdf<'t>> Lanes<'t, B> {
     /// Value and density of lane `i` about its tilted normal, whatever the surface says; `None` where it is
     /// transmissive or the lobe does not reach.
     fn eval_beyond(&self, vertices: &Vertices, i: usize, wi: Vec3) -> Option<BsdfEval> {
-        let bsdf = self.bsdf(i);
-        if !(get(&vertices.n_s, i).dot(wi) > 0.0) || bsdf.outward() {
+        let local = self.beyond(vertices, i, wi)?;
+        let (bsdf, view) = (self.bsdf(i), self.view(i));
+        let split = if self.layered { bsdf.split(&view, local.z) } else { 1.0 };
+        Some(bsdf.eval(get(&self.wo, i), local, &view, split))
+    }
+
+    /// A direction within the reach of the tilted lobe of lane `i`, in its shading frame; `None` as above.
+    fn beyond(&self, vertices: &Vertices, i: usize, wi: Vec3) -> Option<Vec3> {
+        if !(get(&vertices.n_s, i).dot(wi) > 0.0) || self.bsdf(i).outward() {
             return None;
         }
-        let local = self.to_local(vertices, i, wi);
-        let split = if self.layered { bsdf.split(&self.view(i), local.z) } else { 1.0 };
-        (local.z > 0.0).then(|| bsdf.eval(get(&self.wo, i), local, &self.view(i), split))
+        Some(self.to_local(vertices, i, wi)).filter(|local| local.z > 0.0)
+    }
+
+    /// The part of f·|cos θ_i| in [`eval`](Self::eval) that the diffuse base of lane `i` reflects, for a unit world
+    /// direction.
+    pub fn diffuse(&self, vertices: &Vertices, i: usize, wi: Vec3) -> Vec3 {
+        let (bsdf, view, wo, n_g) = (self.bsdf(i), self.view(i), get(&self.wo, i), get(&vertices.n_g, i));
+        let of = |local: Vec3| {
+            let split = if self.layered { bsdf.split(&view, local.z) } else { 1.0 };
+            bsdf.diffuse(wo, local, &view, split)
+        };
+        let (local, cos) = (self.to_local(vertices, i, wi), n_g.dot(wi));
+        let seen = consistent::<B>(wo.z, local.z, cos) != 0;
+        let own = if seen { of(local) } else { Vec3::ZERO };
+        match self.folds && cos > 0.0 {
+            true => own + self.beyond(vertices, i, wi - n_g * (2.0 * cos)).map_or(Vec3::ZERO, of),
+            false => own,
+        }
+    }
+
+    /// Value and density of the way back in one lane: seen from `wi`, lit from where the path came from. (Without what
+    /// normal maps fold.)
+    #[inline]
+    pub fn reverse(&self, vertices: &Vertices, i: usize, wi: Vec3) -> BsdfEval {
+        self.bsdf(i).value(self.to_local(vertices, i, wi), get(&self.wo, i))
     }
 
     /// Draws directions by `u[0]` (lobe), `u[1]`, `u[2]`: fills the rays' directions and what paths carry, `beta` with
-    /// weights f·|cos θ_i|/pdf. Returns the lanes that continue. Refused are directions on the wrong geometric side.
+    /// weights f·|cos θ_i|/pdf. Returns the lanes that continue, as 1 or [`FLAT`]. Refused are directions on the wrong
+    /// geometric side.
     #[inline(always)]
     pub fn sample<T: Tape>(
         &self,
@@ -254,7 +287,7 @@ impl<'t, B: Bsdf<'t>> Lanes<'t, B> {
                 {
                     set(&mut rays.dir, i, wi);
                     set(&mut to.beta, i, sample.weight);
-                    (to.last_pdf_sa[i], eta[i], keep[i]) = (sample.pdf_sa, sample.eta, 1);
+                    (to.last_pdf_sa[i], eta[i], keep[i]) = (sample.pdf_sa, sample.eta, FLAT);
                 }
             }
         }
@@ -267,17 +300,30 @@ impl<'t, B: Bsdf<'t>> Lanes<'t, B> {
         keep
     }
 
+    /// Whether the active lane `i` is opaque and has a lobe of GGX alpha `least_alpha` or more.
+    #[inline]
+    pub fn spreads(&self, i: usize, least_alpha: f32) -> bool {
+        let bsdf = self.bsdf(i);
+        !bsdf.outward() && bsdf.widest_alpha() >= least_alpha
+    }
+
     /// Notes what the surface of the path that is written down is.
     #[inline(always)]
     pub fn tell<T: Tape>(&self, vertices: &Vertices, tape: &mut T) {
-        tape.note(|| Event::Model(self.bsdf(LANE).name(), self.frame(vertices, LANE).n.into()));
+        tape.note(|| {
+            let bsdf = self.bsdf(LANE);
+            Event::Model(bsdf.name(), self.frame(vertices, LANE).n.into(), bsdf.widest_alpha())
+        });
     }
 
-    fn told(&self, vertices: &Vertices, [u, eta]: [f32; 2], dir: &Lane3, to: &PathBlock) -> vertex::Scattering {
+    /// The direction of the path that is written down: `u` chose the lobe.
+    pub fn told(&self, vertices: &Vertices, [u, eta]: [f32; 2], dir: &Lane3, to: &PathBlock) -> vertex::Scattering {
         let wi = get(dir, LANE);
         let reflected = get(&vertices.n_g, LANE).dot(wi) > 0.0;
+        let lobe = self.bsdf(LANE).lobe(get(&self.wo, LANE), u, &self.view(LANE), reflected);
         vertex::Scattering {
-            lobe: self.bsdf(LANE).lobe(get(&self.wo, LANE), u, &self.view(LANE), reflected),
+            lobe: lobe.name,
+            alpha: Number(lobe.alpha),
             wi: triple(wi),
             pdf_sa: Number(to.last_pdf_sa[LANE]),
             weight: triple(get(&to.beta, LANE)),

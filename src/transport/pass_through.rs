@@ -1,5 +1,5 @@
-//! Surfaces that rays go straight through: where alpha cuts them out, or by chance under blending, and boundaries that
-//! change nothing but the medium.
+//! Surfaces that rays go straight through: where alpha cuts them out, or by chance under blending, backs that are
+//! hidden, and boundaries that change nothing but the medium.
 //!
 //! Two stages, run only where the plan has such surfaces. After closest hits: lanes whose hit is passed start again
 //! behind it, packed, until none is left; what they meet in the end is written to their lane as if it had been met at
@@ -17,10 +17,12 @@ use glam::Vec3;
 
 use super::coincident::{self, Met};
 use super::counters::Counters;
+use super::departure;
 use super::job::Job;
 use super::material::{self, Place};
 use super::media::{self, Boundaries, Straight, Stretch};
 use super::passing::{Passing, Pending};
+use super::start::Start;
 use super::volume;
 use super::wave::{Paths, Wave};
 use super::world::World;
@@ -42,9 +44,13 @@ fn trace(job: &Job, passing: &mut Passing, counters: &mut Counters) -> u64 {
     len as u64
 }
 
-/// A surface on the way of a ray and the probability that it is there; `None` where it surely is.
+/// A surface on the way of a ray and the probability that it is there; `None` where it surely is. Where backs are
+/// hidden to the ray, those of one-sided surfaces are not there.
 #[inline(always)]
-fn sheer(world: &World, hit: &Hit) -> Option<(Interaction, f32)> {
+fn sheer(world: &World, hit: &Hit, dir: Vec3, hides_backs: bool) -> Option<(Interaction, f32)> {
+    if hides_backs && let Some(at) = hidden_back(world, hit, dir) {
+        return Some((at, 0.0));
+    }
     let material = world.geometry.triangle(hit.geom, hit.prim).material;
     if world.alpha.mode(material) == AlphaMode::Opaque {
         return None;
@@ -54,12 +60,21 @@ fn sheer(world: &World, hit: &Hit) -> Option<(Interaction, f32)> {
     (coverage < 1.0).then_some((at, coverage))
 }
 
+/// The back of a one-sided surface.
+#[inline(never)]
+fn hidden_back(world: &World, hit: &Hit, dir: Vec3) -> Option<Interaction> {
+    let at = Interaction::at(world.geometry, hit, false);
+    (at.n_g.dot(dir) > 0.0 && world.scene.materials[at.material as usize].is_one_sided()).then_some(at)
+}
+
 /// What becomes of a ray at a hit.
 enum Way {
     /// It meets a surface.
     Ends(Hit),
     /// It passes one, which lies there, and another one at the same place.
     Goes(Hit, Interaction, Option<Hit>),
+    /// It starts behind one, though it seems to hit it.
+    Skips(Hit, Interaction),
     /// It does not get there.
     Collides,
 }
@@ -108,7 +123,7 @@ fn through(world: &World, around: &Media, met: &Met, dir: Vec3) -> Option<(Inter
 /// up to here. Returns the rays that were traced.
 #[inline(always)]
 pub fn closest<S: Scheme>(job: &Job, wave: &mut Wave, edge: u32, counters: &mut Counters) -> u64 {
-    let Wave { current, passing, media, touching, collisions, .. } = wave;
+    let Wave { current, passing, media, starts, touching, collisions, .. } = wave;
     let Paths { rays, paths, len } = current;
     let world = &job.world;
     let features = world.features;
@@ -116,10 +131,21 @@ pub fn closest<S: Scheme>(job: &Job, wave: &mut Wave, edge: u32, counters: &mut 
         collisions.clear();
         collisions.resize(*len, f32::INFINITY);
     }
+    let started = features.exact_starts && edge > 1;
+    let hides_backs = features.hides_backs(edge);
+    if !started {
+        passing.clear(*len);
+    }
     let decide = |ray: &AtHit| {
         let (block, i) = (&mut paths[ray.lane / LANES], ray.lane % LANES);
-        let met = ray.settled(world);
-        if let Some((at, coverage)) = sheer(world, &met.hit) {
+        let mut met = ray.settled(world);
+        if started {
+            let slot = block.slot[i] as usize;
+            if !judge(world, &starts[slot], &media[slot], &mut met, ray.dir) {
+                return Way::Skips(met.hit, Interaction::at(world.geometry, &met.hit, false));
+            }
+        }
+        if let Some((at, coverage)) = sheer(world, &met.hit, ray.dir, hides_backs) {
             // Certain cases need no number; a ray that has used up its numbers meets the next surface.
             let number = || {
                 let (set, number) = dims::alpha(edge, ray.surfaces)?;
@@ -162,7 +188,7 @@ pub fn closest_of_centres(job: &Job, rays: &mut [RayHitBlock], len: usize, count
     let mut media = vec![job.media; if world.features.boundaries { len } else { 0 }];
     let decide = |ray: &AtHit| {
         let met = ray.settled(world);
-        if let Some((at, coverage)) = sheer(world, &met.hit)
+        if let Some((at, coverage)) = sheer(world, &met.hit, ray.dir, world.features.hidden_backs)
             && coverage < 0.5
         {
             return Way::Goes(met.hit, at, None);
@@ -175,10 +201,23 @@ pub fn closest_of_centres(job: &Job, rays: &mut [RayHitBlock], len: usize, count
         }
         Way::Ends(met.hit)
     };
-    go_on(job, &mut Passing::default(), rays, len, decide, counters)
+    let mut passing = Passing::default();
+    passing.clear(len);
+    go_on(job, &mut passing, rays, len, decide, counters)
 }
 
-/// Rays that pass what they hit continue; `rays` then say what they meet in the end.
+/// Whether a ray meets what it seems to, as it starts; takes out boundaries there which it does not.
+#[inline(always)]
+fn judge(world: &World, start: &Start, around: &Media, met: &mut Met, dir: Vec3) -> bool {
+    let meets = departure::meets(start, world, around, &met.hit, dir);
+    if meets {
+        met.touching = met.touching.filter(|(hit, _)| departure::meets(start, world, around, hit, dir));
+    }
+    meets
+}
+
+/// Rays that pass what they hit continue; `rays` then say what they meet in the end. `passing` has what they had passed
+/// before.
 #[inline(always)]
 fn go_on(
     job: &Job,
@@ -188,18 +227,20 @@ fn go_on(
     mut decide: impl FnMut(&AtHit) -> Way,
     counters: &mut Counters,
 ) -> u64 {
-    passing.clear(len);
     for lane in 0..len {
         let (block, i) = (&mut rays[lane / LANES], lane % LANES);
         let Some(hit) = block.hit(i) else { continue };
-        let past = (&passing.past, Passed::NOTHING);
+        let first =
+            Pending { passed: passing.first.get(lane).map_or(Passed::NOTHING, |&passed| passed), ..Pending::new(lane) };
+        let past = (&passing.past, first.passed);
         match decide(&AtHit { lane, org: block.ray.org(i), dir: block.ray.dir(i), hit, surfaces: 0, past }) {
             Way::Ends(met) => block.set_hit(i, &met),
             Way::Collides => end_nowhere(block, i),
             Way::Goes(hit, at, also) => {
-                let pending = Pending { surfaces: 1, ..Pending::new(lane) };
+                let pending = Pending { surfaces: 1, ..first };
                 passing.put_past(passing.pending.len(), pending, (&block.ray, i), f32::INFINITY, (&hit, &at), also);
             }
+            Way::Skips(hit, at) => passing.put_skipped(passing.pending.len(), first, (&block.ray, i), (&hit, &at)),
         }
     }
     let mut traced = 0;
@@ -229,6 +270,11 @@ fn go_on(
                 Way::Goes(hit, at, also) => {
                     let pending = Pending { surfaces, ..pending };
                     passing.put_past(left, pending, (&block.ray, i), f32::INFINITY, (&hit, &at), also);
+                    left += 1;
+                }
+                Way::Skips(hit, at) => {
+                    let from = (&block.ray, i);
+                    passing.put_skipped(left, pending, from, (&hit, &at));
                     left += 1;
                 }
                 Way::Ends(hit) => block.set_hit(i, &hit),
@@ -295,12 +341,16 @@ pub fn shadows(job: &Job, wave: &mut Wave, counters: &mut Counters) -> u64 {
     let (passing, shadows, world) = (&mut wave.passing, &mut wave.shadows, &job.world);
     passing.clear(shadows.len);
     for lane in 0..shadows.len {
-        let (ray, i) = (&shadows.rays[lane / LANES], lane % LANES);
-        passing.put(lane, Pending::new(lane), (ray, i), ray.tfar[i]);
+        let (ray, i) = (&mut shadows.rays[lane / LANES], lane % LANES);
+        let mut pending = Pending::new(lane);
+        if let Some(start) = shadows.starts.get(lane) {
+            pending.passed = departure::set_out_shadow(start, &mut shadows.media[lane], ray, i, passing);
+        }
+        passing.put(lane, pending, (ray, i), ray.tfar[i]);
     }
     let mut traced = 0;
     while !passing.pending.is_empty() {
-        traced += if traced == 0 {
+        traced += if traced == 0 && shadows.starts.is_empty() {
             // The coherent hint is for camera rays alone.
             let len = passing.pending.len();
             let blocks = &mut passing.rays[..len.div_ceil(LANES)];
@@ -317,15 +367,21 @@ pub fn shadows(job: &Job, wave: &mut Wave, counters: &mut Counters) -> u64 {
             let ray = &shadows.rays[block];
             let (org, dir, end) = (ray.org(i), ray.dir(i), ray.tfar[i]);
             let radiance = &mut shadows.carried[block].radiance;
-            let mut on = None;
+            let (mut on, mut skipped) = (None, false);
             if let Some(hit) = passing.rays[place / LANES].hit(place % LANES) {
                 if pending.last.is_some_and(|last| is_same_surface(world, [&last, &hit], dir)) {
                     on = Some((hit, Interaction::at(world.geometry, &hit, false), None));
                 } else {
                     let past = (&passing.past, pending.passed);
-                    let met = AtHit { lane, org, dir, hit, surfaces: pending.surfaces, past }.settled(world);
-                    if let Some((at, coverage)) =
-                        sheer(world, &met.hit).filter(|_| pending.surfaces < dims::MOST_PASSED)
+                    let mut met = AtHit { lane, org, dir, hit, surfaces: pending.surfaces, past }.settled(world);
+                    skipped = shadows
+                        .starts
+                        .get(lane)
+                        .is_some_and(|start| !judge(world, start, &shadows.media[lane], &mut met, dir));
+                    if skipped {
+                        on = Some((met.hit, Interaction::at(world.geometry, &met.hit, false), None));
+                    } else if let Some((at, coverage)) = sheer(world, &met.hit, dir, world.features.hidden_to_all)
+                        .filter(|(_, coverage)| *coverage == 0.0 || pending.surfaces < dims::MOST_PASSED)
                     {
                         pending.left *= 1.0 - f64::from(coverage);
                         on = Some((met.hit, at, None));
@@ -342,7 +398,7 @@ pub fn shadows(job: &Job, wave: &mut Wave, counters: &mut Counters) -> u64 {
                     } else {
                         pending.left = 0.0;
                     }
-                    pending.surfaces += 1;
+                    pending.surfaces += u32::from(!skipped);
                 }
             }
             let ray = &shadows.rays[block];
@@ -350,6 +406,9 @@ pub fn shadows(job: &Job, wave: &mut Wave, counters: &mut Counters) -> u64 {
                 shadows.rays[block].tfar[i] = BLOCKED;
             } else if let Some((hit, at, also)) = on {
                 passing.put_past(left, pending, (ray, i), end, (&hit, &at), also);
+                if skipped {
+                    passing.pending[left].last = pending.last;
+                }
                 left += 1;
             } else {
                 if pending.surfaces > 0 {

@@ -14,6 +14,8 @@ pub struct Passing {
     pub pending: Vec<Pending>,
     /// What each has passed.
     pub past: Past,
+    /// What the rays of the batch had passed before any went on; empty where they had passed nothing.
+    pub first: Vec<Passed>,
 }
 
 /// One ray that continues.
@@ -43,6 +45,7 @@ impl Passing {
     pub fn clear(&mut self, capacity: usize) {
         self.pending.clear();
         self.past.clear();
+        self.first.clear();
         if self.rays.len() * LANES < capacity {
             self.rays.resize(capacity.div_ceil(LANES), RayHitBlock::EMPTY);
         }
@@ -82,5 +85,18 @@ impl Passing {
         let i = place % LANES;
         let before = float::before(hit.t, ray.org(i), at.error, at.n_g.dot(ray.dir(i)));
         ray.tnear[i] = ray.tnear[i].max(before);
+    }
+
+    /// [`put_past`](Self::put_past) for a ray without end that starts behind `hit`, which it does not pass.
+    #[inline(always)]
+    pub fn put_skipped(
+        &mut self,
+        place: usize,
+        pending: Pending,
+        from: (&RayBlock, usize),
+        skipped: (&Hit, &Interaction),
+    ) {
+        self.put_past(place, pending, from, f32::INFINITY, skipped, None);
+        self.pending[place].last = pending.last;
     }
 }

@@ -8,12 +8,15 @@ use std::marker::PhantomData;
 
 use super::counters::Counters;
 use super::job::Job;
+use super::light_paths::ratio;
 use super::raygen::Chunk;
 use super::tape::{Event, LANE, Silent, Tape};
 use super::vertex::{End, Met, Vertex, triple};
 use super::wave::Wave;
 use super::world::World;
-use super::{accumulate, classify, coincident, first_hit, pass_through, raygen, shade, shutter, volume};
+use super::{
+    accumulate, classify, coincident, departure, first_hit, followed, pass_through, raygen, shade, shutter, volume,
+};
 use crate::backend::Coherence;
 use crate::backend::batch::valid_lanes;
 use crate::film::Pixel;
@@ -102,9 +105,21 @@ impl<S: Scheme, T: Tape> Kernel for Loop<'_, '_, S, T> {
             wave.next.len = 0;
             wave.shadows.len = 0;
             wave.shadows.media.clear();
-            trace::<S>(job, wave, edge, counters);
+            wave.shadows.origins.clear();
+            wave.shadows.starts.clear();
+            trace::<S>(job, wave, (edge, coherence(edge)), counters);
+            if edge == 1 {
+                if world.features.light_paths {
+                    ratio::start(job, wave);
+                }
+                let blocks = wave.current.blocks();
+                raygen::start_at_origin(&mut wave.current.rays[..blocks]);
+            }
             if edge == 1 && world.features.first_hit {
                 first_hit::gather(job, wave);
+            }
+            if world.features.followed {
+                followed::arrive(job, wave, edge);
             }
             tape.note(|| Event::Vertex(Box::new(arrival(world, wave, edge))));
             if world.features.scattering {
@@ -120,6 +135,10 @@ impl<S: Scheme, T: Tape> Kernel for Loop<'_, '_, S, T> {
                 trace_shadows(job, wave, edge, counters);
                 tape.note(|| Event::Shadow(wave.shadows.light(LANE)));
                 accumulate::shadows(wave, edge + 1);
+            }
+            if world.learns {
+                let Wave { log, sums, .. } = wave;
+                log.settle(|slot| sums.gathered[slot as usize].radiance);
             }
             tape.note(|| Event::Gathered(wave.sums.gathered[0].radiance, edge));
             std::mem::swap(&mut wave.current, &mut wave.next);
@@ -159,24 +178,36 @@ fn coherence(edge: u32) -> Coherence {
 
 /// Finds what the paths meet at the end of edge `edge`.
 #[inline(always)]
-fn trace<S: Scheme>(job: &Job, wave: &mut Wave, edge: u32, counters: &mut Counters) {
+pub fn trace<S: Scheme>(job: &Job, wave: &mut Wave, (edge, hint): (u32, Coherence), counters: &mut Counters) {
     let features = job.world.features;
     if features.shutter && edge > 1 {
         shutter::stamp_paths(&wave.times, &mut wave.current);
     }
+    if features.exact_starts && edge > 1 {
+        return trace_from_vertices::<S>(job, wave, edge, counters);
+    }
     let current = &mut wave.current;
     let (len, blocks) = (current.len, current.blocks());
     *counters.rays_of(edge) += len as u64;
-    counters.invalid_rays += job.backend.closest_hit(&mut current.rays[..blocks], len, coherence(edge));
-    if features.alpha || features.boundaries {
+    counters.invalid_rays += job.backend.closest_hit(&mut current.rays[..blocks], len, hint);
+    if features.passes(edge) {
         let traced = pass_through::closest::<S>(job, wave, edge, counters);
         *counters.rays_of(edge) += traced;
     } else if features.coincident {
         coincident::settle_paths(&job.world, wave);
     }
-    if edge == 1 {
-        raygen::start_at_origin(&mut wave.current.rays[..blocks]);
-    }
+}
+
+/// [`trace`] for paths that start exactly where they left surfaces.
+#[inline(never)]
+fn trace_from_vertices<S: Scheme>(job: &Job, wave: &mut Wave, edge: u32, counters: &mut Counters) {
+    departure::set_out(&wave.starts, &mut wave.media, &mut wave.current, &mut wave.passing);
+    let (len, blocks) = (wave.current.len, wave.current.blocks());
+    let past = &wave.passing.past;
+    counters.invalid_rays += job.backend.closest_hit_past(&mut wave.current.rays[..blocks], len, past);
+    let traced = pass_through::closest::<S>(job, wave, edge, counters);
+    *counters.rays_of(edge) += len as u64 + traced;
+    departure::count_from_vertices(&wave.starts, &mut wave.media, &mut wave.current, &mut wave.collisions);
 }
 
 /// Finds out which shadow rays of the vertices at the end of edge `edge` are blocked.
@@ -186,7 +217,7 @@ fn trace_shadows(job: &Job, wave: &mut Wave, edge: u32, counters: &mut Counters)
     if features.shutter {
         shutter::stamp_shadows(&wave.times, &mut wave.shadows);
     }
-    if features.alpha || features.boundaries {
+    if features.shadows_pass() {
         counters.rays_shadow += pass_through::shadows(job, wave, counters);
         return;
     }

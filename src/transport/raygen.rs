@@ -3,10 +3,10 @@
 
 use super::job::Job;
 use super::shutter;
+use super::start::Start;
 use super::wave::{Gathered, PathBlock, Wave};
 use crate::backend::batch::{LANES, RayHitBlock};
 use crate::film::filter::FilterSample;
-use crate::film::layer::bounces::LENGTHS;
 use crate::sampler::{self, Scheme, WithScheme, dims};
 use crate::shading::cone::Cone;
 
@@ -98,7 +98,7 @@ pub fn run<S: Scheme>(job: &Job, chunk: &Chunk, wave: &mut Wave) {
         }
         rays.tnear = [near; LANES];
     }
-    wave.sums.per_length.fill([[0.0; 3]; LENGTHS]);
+    wave.sums.parts.clear();
     wave.media.clear();
     if job.world.features.media {
         wave.media.resize(len, job.media);
@@ -106,9 +106,21 @@ pub fn run<S: Scheme>(job: &Job, chunk: &Chunk, wave: &mut Wave) {
             wave.touching.resize(len, None);
         }
     }
+    wave.starts.clear();
+    if job.world.features.exact_starts {
+        wave.starts.resize(len, Start::NOWHERE);
+    }
     wave.split.clear();
     if job.world.features.dispersion {
         wave.split.resize(len, false);
+    }
+    wave.ratios.clear();
+    if job.world.features.light_paths {
+        wave.ratios.resize(len, 0.0);
+    }
+    wave.guided.clear();
+    if job.world.features.guide {
+        wave.guided.resize(len, 1.0);
     }
     wave.cones.clear();
     if job.world.features.footprints {

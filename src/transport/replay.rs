@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::counters::Counters;
 use super::job::Job;
+use super::parts::Wanted;
 use super::path;
 use super::raygen::{self, Chunk};
 use super::story::Story;
@@ -81,7 +82,7 @@ pub(crate) fn nonfinite_bounce(job: &Job, pixel: (u32, u32), sample: u64) -> Opt
 
 /// The loop over a wave of one path.
 fn single(job: &Job, pixel: (u32, u32), sample: u64) -> (Pixel, Wave, Story) {
-    let mut wave = Wave::new(1, false);
+    let mut wave = Wave::new(1, &Wanted::default());
     let chunk = Chunk { pixels: &[pixel], first_sample: sample, samples: 1 };
     let (mut film, mut counters, mut story) = ([Pixel::default()], Counters::default(), Story::default());
     let output = path::Output { pixels: &mut film, counters: &mut counters };

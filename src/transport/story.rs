@@ -28,10 +28,11 @@ impl Tape for Story {
             Event::Medium(medium) => vertex.met = Met::Medium(medium),
             Event::Emission(emission) => vertex.emission = Some(emission),
             Event::Roulette(roulette) => vertex.roulette = Some(roulette),
-            Event::Model(name, n) => {
+            Event::Model(name, n, alpha) => {
                 if let Met::Surface(surface) = &mut vertex.met {
                     surface.kind = Some(name);
                     surface.normal_shading = triple(n);
+                    surface.widest_alpha = Some(Number(alpha));
                 }
             }
             Event::Light(light) => vertex.light = Some(light),

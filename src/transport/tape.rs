@@ -20,8 +20,8 @@ pub enum Event {
     Emission(Emission),
     /// Russian roulette.
     Roulette(Roulette),
-    /// What the surface turned out to be, and the normal of its shading frame.
-    Model(&'static str, [f32; 3]),
+    /// What the surface turned out to be, the normal of its shading frame, and the GGX alpha of its widest lobe.
+    Model(&'static str, [f32; 3], f32),
     /// A light sample, not traced yet.
     Light(LightSample),
     /// A BSDF sample.

@@ -92,6 +92,8 @@ pub struct Surface {
     pub material: String,
     /// What it is here: "lambert", "glossy", "dielectric", "thin", "black", "unlit"; `None` where that was not asked.
     pub kind: Option<&'static str>,
+    /// GGX alpha of its widest lobe here: 0 if none has a density, 1 if one is no microfacet lobe.
+    pub widest_alpha: Option<Number>,
     /// Mesh of the flattened geometry; 0 is the world's.
     pub mesh: u32,
     /// Triangle within it.
@@ -168,6 +170,8 @@ pub enum Shadow {
 pub struct Scattering {
     /// The lobe that was drawn from.
     pub lobe: &'static str,
+    /// Its GGX alpha: 0 for a mirror or smooth glass, 1 where it is no microfacet lobe.
+    pub alpha: Number,
     /// Unit direction of the next edge.
     pub wi: Triple,
     /// Density of the choice; "inf" for a mirror or smooth glass.

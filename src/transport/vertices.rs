@@ -166,6 +166,7 @@ impl Vertices {
                 front: side > 0.0,
                 material: world.scene.materials[self.material[LANE] as usize].name.clone(),
                 kind: None,
+                widest_alpha: None,
                 mesh: hit.geom[LANE],
                 triangle: hit.prim[LANE],
                 instance: (hit.inst[LANE] != INVALID_ID).then_some(hit.inst[LANE]),

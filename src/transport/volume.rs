@@ -13,6 +13,9 @@ use super::estimator;
 use super::job::Job;
 use super::material;
 use super::media::{self, Stretch};
+use super::origin;
+use super::parts::First;
+use super::start::Start;
 use super::tape::{Event, LANE, Tape};
 use super::vertex::{self, End, Number, triple};
 use super::wave::{Path, PathBlock, ShadowLight, Wave};
@@ -135,10 +138,17 @@ impl Collision {
             path.beta /= survival;
         }
 
+        if world.features.lobes && edge == 1 {
+            wave.sums.parts.scatter_first(path.slot, First::InMedium);
+        }
+        let u = [u_light[0], u_light[1], u_light[2]];
         if world.samples_lights()
-            && let Some(light) = world.lights.sample(self.p, Vec3::ZERO, [u_light[0], u_light[1], u_light[2]])
+            && let Some(light) = world.lights.sample(self.p, Vec3::ZERO, u)
         {
-            self.sample_light(world, wave, (&path, &around, medium.g), &light, told.then_some(tape));
+            let traced = self.sample_light(world, wave, (&path, &around, medium.g), &light, told.then_some(tape));
+            if (world.features.light_groups | world.features.lobes) && traced {
+                wave.shadows.origins.push(origin::of_sample(world, light.light));
+            }
         }
         let (wi, pdf_sa) = sample_phase(medium.g, self.dir, [u_bsdf[1], u_bsdf[2]]);
         if world.features.footprints {
@@ -148,6 +158,7 @@ impl Collision {
         if told {
             let scattering = vertex::Scattering {
                 lobe: "phase function",
+                alpha: Number(1.0),
                 wi: triple(wi),
                 pdf_sa: Number(pdf_sa),
                 weight: triple(Vec3::ONE),
@@ -156,10 +167,14 @@ impl Collision {
             tape.note(|| Event::Scattering(scattering));
         }
         wave.media[path.slot as usize] = around;
+        if let Some(start) = wave.starts.get_mut(path.slot as usize) {
+            *start = Start::within(self.p, self.distance_m);
+        }
         wave.next.push(self.p, wi, Path { last_pdf_sa: pdf_sa, last_n: Vec3::ZERO, ..path });
         0
     }
 
+    /// Whether a shadow ray is to be traced.
     fn sample_light<T: Tape>(
         &self,
         world: &World,
@@ -167,7 +182,7 @@ impl Collision {
         (path, around, g): (&Path, &Media, f32),
         light: &LightSample,
         tape: Option<&mut T>,
-    ) {
+    ) -> bool {
         let mut emitted = light.radiance;
         if let Some(point) = light.texture_point {
             emitted *= material::emission_texel(world, &point);
@@ -203,10 +218,14 @@ impl Collision {
             tape.note(|| Event::Light(told));
         }
         if traced {
+            if world.features.exact_starts {
+                wave.shadows.starts.push(Start::within(self.p, self.distance_m));
+            }
             wave.shadows.push((self.p, dir, end), ShadowLight { radiance, slot: path.slot });
             if world.features.boundaries {
                 wave.shadows.media.push(*around);
             }
         }
+        traced
     }
 }

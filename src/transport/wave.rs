@@ -6,12 +6,16 @@
 use glam::Vec3;
 
 use super::kind::{KINDS, Kind};
+use super::log::Log;
+use super::parts::{Origin, Parts, Wanted};
 use super::passing::{Passing, Pending};
+use super::start::Start;
 use super::truncation::Truncated;
 use crate::backend::batch::{BLOCKED, LANES, RayBlock, RayHitBlock};
-use crate::film::layer::bounces::LENGTHS;
-use crate::math::columns::{Column, Lane, Movable, columns};
+use crate::math::columns::{Column, Lane, Movable, ZERO, columns};
 use crate::math::simd::isa::Isa;
+use crate::plan::aov::Guide;
+use crate::sampler::Scheme;
 use crate::shading::cone::Cone;
 use crate::shading::medium::{Boundary, Media};
 
@@ -42,7 +46,7 @@ columns! {
 
 impl Path {
     /// A path that has been nowhere.
-    const NEW: Path = Path {
+    pub(super) const NEW: Path = Path {
         beta: Vec3::ONE,
         eta_scale: 1.0,
         last_pdf_sa: f32::INFINITY,
@@ -59,6 +63,33 @@ impl Default for PathBlock {
     #[inline(always)]
     fn default() -> Self {
         Path::NEW.splat()
+    }
+}
+
+impl PathBlock {
+    /// Four numbers a lane: those of a scheme that is known when this is compiled. A path to its function (not a
+    /// closure) is called for each lane instead of being taken in and vectorised: 700 instructions an edge of Sobol'
+    /// points.
+    #[inline(always)]
+    pub(super) fn random_of<S: Scheme>(&self, set: u32) -> [Lane; 4] {
+        self.random(
+            set,
+            #[inline(always)]
+            |index, seed, set| S::sample_4d(index, seed, set),
+        )
+    }
+
+    /// Four numbers a lane: those that `numbers` has at its path's index and seed in the set `set` (`sampler/dims.rs`).
+    #[inline(always)]
+    pub(super) fn random(&self, set: u32, numbers: impl Fn(u32, [u32; 2], u32) -> [f32; 4]) -> [Lane; 4] {
+        let mut u = [ZERO; 4];
+        for i in 0..LANES {
+            let point = numbers(self.index[i], [self.seed_lo[i], self.seed_hi[i]], set);
+            for d in 0..4 {
+                u[d][i] = point[d];
+            }
+        }
+        u
     }
 }
 
@@ -165,6 +196,10 @@ pub struct Shadows {
     pub carried: Vec<ShadowBlock>,
     /// What is around each where it starts; empty unless they pass boundaries.
     pub media: Vec<Media>,
+    /// The light of each; empty unless layers tell lights apart.
+    pub origins: Vec<Origin>,
+    /// Where each starts; empty unless solids may lie in each other.
+    pub starts: Vec<Start>,
     /// Lanes in use.
     pub len: usize,
 }
@@ -235,6 +270,12 @@ pub struct Wave {
     pub passing: Passing,
     /// What the camera samples have gathered.
     pub sums: Sums,
+    /// Densities of light paths over those of the paths, by camera sample (`light_paths/ratio.rs`); empty unless there
+    /// are light paths.
+    pub ratios: Vec<f32>,
+    /// Densities with which directions of the paths were chosen over those of BSDFs, by camera sample; empty unless
+    /// there is a guide.
+    pub guided: Vec<f32>,
     /// Widths of the paths, by camera sample; empty unless textures are averaged over them.
     pub cones: Vec<Cone>,
     /// Which paths have one wavelength, by camera sample; empty unless there are dispersive solids.
@@ -243,6 +284,8 @@ pub struct Wave {
     pub times: Vec<f32>,
     /// The solids around the paths, by camera sample; empty unless the plan keeps them.
     pub media: Vec<Media>,
+    /// Where the paths start their next edge, by camera sample; empty unless solids may lie in each other.
+    pub starts: Vec<Start>,
     /// Boundaries of second solids where the paths of this edge end, by camera sample; empty unless media are kept and
     /// there are coincident faces.
     pub touching: Vec<Option<Boundary>>,
@@ -251,23 +294,50 @@ pub struct Wave {
     pub collisions: Vec<f32>,
     /// Lanes of each block of `current` whose paths collided; empty unless media scatter.
     pub gone: Vec<u16>,
+    /// Scatterings, where a survey asks for them.
+    pub log: Log,
+}
+
+/// What a camera sample comes to through mirrors and smooth glass, as denoisers are told: see `followed.rs`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Followed {
+    /// Base colour of the surface.
+    pub albedo: [f32; 3],
+    /// Its shading normal.
+    pub normal: [f32; 3],
+    /// That of the first surface.
+    pub first: [f32; 3],
+    /// Edge of the path at whose end the surface is; the next one after a mirror or smooth glass.
+    pub edge: u32,
+}
+
+impl Followed {
+    /// What `guide` names.
+    pub fn of(&self, guide: Guide) -> [f32; 3] {
+        match guide {
+            Guide::Albedo => self.albedo,
+            Guide::Normal => self.normal,
+        }
+    }
 }
 
 /// Where radiance goes.
 pub struct Sums {
     /// One entry a camera sample.
     pub gathered: Vec<Gathered>,
-    /// Radiance by camera sample and number of edges; empty unless asked for.
-    pub per_length: Vec<[[f32; 3]; LENGTHS]>,
+    /// The same in parts, for the layers that are shares of it.
+    pub parts: Parts,
     /// What camera samples meet first, an entry a layer that shows it; empty unless asked for.
     pub first_hits: Vec<[f32; 3]>,
+    /// What camera samples come to through mirrors and smooth glass; empty unless asked for.
+    pub followed: Vec<Followed>,
     /// What the paths that the depth limit ended could still have carried.
     pub truncated: Truncated,
 }
 
 impl Wave {
-    /// Columns for `capacity` paths; `per_length` adds one accumulator per path length to each sample.
-    pub fn new(capacity: usize, per_length: bool) -> Self {
+    /// Columns for `capacity` paths, whose radiance is kept in parts as `wanted`.
+    pub fn new(capacity: usize, wanted: &Wanted) -> Self {
         let blocks = capacity / LANES + 2;
         Wave {
             current: Paths::new(capacity),
@@ -276,6 +346,8 @@ impl Wave {
                 rays: vec![RayBlock::EMPTY; blocks],
                 carried: vec![ShadowLight { radiance: Vec3::ZERO, slot: 0 }.splat(); blocks],
                 media: Vec::new(),
+                origins: Vec::new(),
+                starts: Vec::new(),
                 len: 0,
             },
             queues: std::array::from_fn(|_| Vec::with_capacity(capacity)),
@@ -283,28 +355,33 @@ impl Wave {
             passing: Passing::default(),
             sums: Sums {
                 gathered: vec![Gathered::default(); capacity],
-                per_length: if per_length { vec![[[0.0; 3]; LENGTHS]; capacity] } else { Vec::new() },
+                parts: Parts::new(capacity, wanted),
                 first_hits: Vec::new(),
+                followed: Vec::new(),
                 truncated: Truncated::default(),
             },
+            ratios: Vec::new(),
+            guided: Vec::new(),
             cones: Vec::new(),
             split: Vec::new(),
             times: Vec::new(),
             media: Vec::new(),
+            starts: Vec::new(),
             touching: Vec::new(),
             collisions: Vec::new(),
             gone: Vec::new(),
+            log: Log::default(),
         }
     }
 
     /// Bytes of the columns of a wave for `capacity` paths, with those that few scenes need.
-    pub fn bytes(capacity: usize, per_length: bool) -> u64 {
+    pub fn bytes(capacity: usize, wanted: &Wanted) -> u64 {
         let paths = 2 * (size_of::<RayHitBlock>() + size_of::<PathBlock>());
         let block = paths + size_of::<RayBlock>() + size_of::<ShadowBlock>() + size_of::<(Kind, u16)>();
-        let passing = size_of::<RayHitBlock>() + LANES * size_of::<Pending>();
-        let sums = if per_length { size_of::<[[f32; 3]; LENGTHS]>() } else { 0 };
-        let path = KINDS * size_of::<u32>() + size_of::<Gathered>() + sums;
-        let media = 2 * size_of::<Media>() + size_of::<Option<Boundary>>() + size_of::<f32>();
+        let passing = size_of::<RayHitBlock>() + LANES * (size_of::<Pending>() + size_of::<u32>());
+        let followed = if wanted.followed { size_of::<Followed>() } else { 0 };
+        let path = KINDS * size_of::<u32>() + size_of::<Gathered>() + size_of::<Origin>() + wanted.bytes() + followed;
+        let media = 2 * (size_of::<Media>() + size_of::<Start>()) + size_of::<Option<Boundary>>() + size_of::<f32>();
         let rare = media + size_of::<Cone>() + size_of::<bool>() + size_of::<f32>() + size_of::<[f32; 3]>();
         ((capacity / LANES + 2) * (block + passing + size_of::<u16>()) + capacity * (path + rare)) as u64
     }
@@ -316,18 +393,16 @@ impl Wave {
 }
 
 impl Sums {
-    /// Adds radiance to a camera sample, and to the image of paths with `edge` edges if those are kept.
+    /// Adds radiance to a camera sample, and to its parts if there are any: that of a path of `edge` edges, which began
+    /// at `origin`.
     #[inline(always)]
-    pub fn add(&mut self, slot: u32, edge: u32, radiance: Vec3) {
+    pub fn add(&mut self, slot: u32, edge: u32, origin: impl FnOnce() -> Origin, radiance: Vec3) {
         let sum = &mut self.gathered[slot as usize].radiance;
         for c in 0..3 {
             sum[c] += radiance[c];
         }
-        if let Some(terms) = self.per_length.get_mut(slot as usize) {
-            let term = &mut terms[(edge as usize).min(LENGTHS - 1)];
-            for c in 0..3 {
-                term[c] += radiance[c];
-            }
+        if self.parts.any() {
+            self.parts.add(slot, edge, origin(), radiance);
         }
     }
 }

@@ -5,15 +5,19 @@ use glam::Vec3;
 
 use super::alpha::AlphaTable;
 use super::kind::{self, Kind};
+use super::light_paths::lit::LightPaths;
 
 use super::wave::Carried;
+use crate::plan::light_groups::LightGroups;
 use crate::plan::options::{Roulette, Strategy};
 use crate::plan::{Features, FogSphere, RenderPlan};
 use crate::scene::geometry::Geometry;
 use crate::scene::{Fact, Facts, Material, Scene};
 use crate::shading::bsdf::albedo::SpecularAlbedo;
+use crate::shading::bsdf::glass_albedo::GlassAlbedo;
 use crate::shading::bsdf::model::Tables;
 use crate::shading::bsdf::sheen_albedo::SheenAlbedo;
+use crate::shading::guide::Guide;
 use crate::shading::light::Lights;
 use crate::shading::light::area::AreaLight;
 use crate::shading::light::select::Selection;
@@ -37,6 +41,10 @@ pub struct MaterialTables {
     albedo: SpecularAlbedo,
     /// Directional albedo of sheen; empty when no material has it.
     sheen: SheenAlbedo,
+    /// Directional albedo of rough solids; empty where their loss stays.
+    glass: GlassAlbedo,
+    /// Whether the two know what facets lose, and if so, whether solids lie in others there.
+    compensates: Option<bool>,
 }
 
 impl MaterialTables {
@@ -49,8 +57,10 @@ impl MaterialTables {
             clear: scene.materials.iter().map(clear).collect(),
             coefficients: scene.materials.iter().map(Coefficients::of).collect(),
             reflectance_bounds: scene.materials.iter().map(Material::reflectance_bound).collect(),
-            albedo: SpecularAlbedo::for_materials(&scene.materials),
+            albedo: SpecularAlbedo::for_materials(&scene.materials, false),
             sheen: SheenAlbedo::for_materials(&scene.materials),
+            glass: GlassAlbedo::default(),
+            compensates: None,
         };
         tables.retarget(scene, plan);
         tables
@@ -59,9 +69,16 @@ impl MaterialTables {
     /// The same under another plan for the same scene.
     pub fn retarget(&mut self, scene: &Scene, plan: &RenderPlan) {
         let kind = |material| match kind::kind_of(material) {
+            _ if plan.features.multiscatter && Facts::of(material).loses() => Kind::Compensated,
             Kind::Lambert | Kind::Opaque if plan.features.all_general => Kind::General,
             kind => kind,
         };
+        let compensates = plan.features.multiscatter.then_some(plan.features.nested);
+        if let Some(nested) = compensates.filter(|_| compensates != self.compensates) {
+            self.albedo = SpecularAlbedo::for_materials(&scene.materials, true);
+            self.glass = GlassAlbedo::for_materials(&scene.materials, nested);
+            self.compensates = compensates;
+        }
         self.kinds = scene.materials.iter().map(kind).collect();
         self.only_kind = kind::only_kind(scene, &self.kinds);
     }
@@ -94,10 +111,18 @@ pub struct World<'a> {
     pub coefficients: &'a [Coefficients],
     /// The most that each material reflects, see [`Facts::reflectance_bound`]; read where the depth limit ends paths.
     pub reflectance_bounds: &'a [Vec3],
+    /// Which light is in which group.
+    pub groups: &'a LightGroups,
     /// What is where no solid is.
     pub fog: Option<FogSphere>,
     /// What scattering models look up.
     pub tables: Tables<'a>,
+    /// Light paths, where they take part.
+    pub light_paths: Option<LightPaths<'a>>,
+    /// Directions that are mixed with those of BSDFs, where any are.
+    pub directions: Option<&'a Guide>,
+    /// Whether scatterings are written down, for a guide to learn from.
+    pub learns: bool,
     /// The one light of the scene with its radiance, if it is an untextured area light.
     pub only_area: Option<(&'a AreaLight, Vec3)>,
     /// What paths carry from edge to edge.
@@ -120,9 +145,11 @@ impl<'a> World<'a> {
         lights: &'a Lights,
         tables: &'a MaterialTables,
         plan: &'a RenderPlan,
+        (light_paths, directions): (Option<LightPaths<'a>>, Option<&'a Guide>),
     ) -> Self {
         let features = &plan.features;
         let plain = Tables::new(&tables.albedo, features.coated);
+        let plain = if features.multiscatter { plain.with_glass(&tables.glass) } else { plain };
         World {
             scene,
             geometry,
@@ -134,8 +161,12 @@ impl<'a> World<'a> {
             clear: &tables.clear,
             coefficients: &tables.coefficients,
             reflectance_bounds: &tables.reflectance_bounds,
+            groups: &plan.light_groups,
             fog: plan.fog,
             tables: if features.sheen { plain.with_sheen(&tables.sheen) } else { plain },
+            light_paths,
+            directions,
+            learns: false,
             only_area: lights.only_area(),
             carried: Carried {
                 normal: lights.selection() == Selection::Receiver,

@@ -6,6 +6,8 @@
 //! closed surroundings sum to 1, and a patch that a shadow edge or another surface cuts is lit where it is lit. Limit:
 //! shadow edges are resolved to a node, so the error is of first order in the patch's side there.
 
+use std::time::Instant;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -109,18 +111,24 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// Computes the rows on the current thread pool. Sides that reflect nothing have none.
-    pub fn new(patches: &Patches, backend: &dyn Backend) -> Self {
+    /// Computes the rows on the current thread pool. Sides that reflect nothing have none. `None` if it is not done at
+    /// `deadline`.
+    pub fn new(patches: &Patches, backend: &dyn Backend, deadline: Option<Instant>) -> Option<Self> {
         let nodes = patches.iter().flat_map(|patch| {
             [1.0, -1.0].into_iter().flat_map(move |side| POINTS.map(|weights| (patch, side, weights)))
         });
         let node = |(patch, side, weights): (&Patch, f64, [f64; 3])| {
-            if patch.albedo == [0.0; 3] {
-                return Vec::new();
+            if deadline.is_some_and(|deadline| Instant::now() > deadline) {
+                return None;
             }
-            row(&Receiver { p: patch.point(weights), n: patch.normal * side, error: patch.error }, patches, backend)
+            if patch.albedo == [0.0; 3] {
+                return Some(Vec::new());
+            }
+            let receiver = Receiver { p: patch.point(weights), n: patch.normal * side, error: patch.error };
+            Some(row(&receiver, patches, backend))
         };
-        Operator { rows: nodes.collect::<Vec<_>>().into_par_iter().map(node).collect() }
+        let rows = nodes.collect::<Vec<_>>().into_par_iter().map(node).collect::<Option<_>>()?;
+        Some(Operator { rows })
     }
 
     /// Radiance of every node after one more scattering of `radiance`.

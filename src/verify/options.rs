@@ -1,5 +1,7 @@
 //! Options of a check.
 
+use std::time::Duration;
+
 use crate::backend::BackendKind;
 use crate::setters::setters;
 
@@ -11,6 +13,8 @@ pub struct VerifyOptions {
     pub patches: usize,
     /// Samples per pixel of the path tracer, over both of its runs.
     pub spp: u64,
+    /// Wall time for everything: where it is over, there are fewer samples.
+    pub time: Option<Duration>,
     /// Columns and rows of the picture.
     pub resolution: (u32, u32),
     /// Largest number of path edges.
@@ -28,6 +32,7 @@ impl Default for VerifyOptions {
         VerifyOptions {
             patches: 2000,
             spp: 256,
+            time: None,
             resolution: (64, 64),
             max_depth: 64,
             seed: 0,
@@ -41,6 +46,7 @@ impl VerifyOptions {
     setters! {
         patches: = usize,
         spp: = u64,
+        time: into Option<Duration>,
         resolution: = (u32, u32),
         max_depth: = u32,
         seed: = u64,

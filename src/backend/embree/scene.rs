@@ -224,10 +224,10 @@ impl GeometryHandle {
         device: &Device,
         kind: sys::RTCBufferType,
         format: sys::RTCFormat,
-        items: &[T],
+        (slot, items): (u32, &[T]),
     ) -> Result<NonNull<T>> {
         // SAFETY: the geometry is alive; Embree allocates `items.len()` items of the stride given, padded for vertices.
-        let buffer = unsafe { sys::rtcSetNewGeometryBuffer(self.raw, kind, 0, format, size_of::<T>(), items.len()) };
+        let buffer = unsafe { sys::rtcSetNewGeometryBuffer(self.raw, kind, slot, format, size_of::<T>(), items.len()) };
         device.check("allocating a buffer")?;
         let Some(buffer) = NonNull::new(buffer.cast::<T>()) else {
             return Err(failure("allocating a buffer: no memory"));
@@ -260,8 +260,19 @@ fn triangle_geometry(device: &Device, mesh: &TriangleMesh) -> Result<(GeometryHa
     }
     let geometry = GeometryHandle::new(device, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE)?;
     let (vertex, index) = (sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCBufferType::RTC_BUFFER_TYPE_INDEX);
-    let vertices = geometry.upload(device, vertex, sys::RTCFormat::RTC_FORMAT_FLOAT3, &mesh.vertices)?;
-    let indices = geometry.upload(device, index, sys::RTCFormat::RTC_FORMAT_UINT3, &mesh.indices)?;
+    if mesh.later.iter().any(|shape| shape.len() != vertices) {
+        return Err(failure(format!("a shape of a mesh has not {vertices} vertices, as its first has")));
+    }
+    if !mesh.later.is_empty() {
+        // SAFETY: the geometry is alive; it gets a vertex buffer for each step below.
+        unsafe { sys::rtcSetGeometryTimeStepCount(geometry.raw, 1 + mesh.later.len() as u32) };
+    }
+    let float3 = sys::RTCFormat::RTC_FORMAT_FLOAT3;
+    let vertices = geometry.upload(device, vertex, float3, (0, &mesh.vertices))?;
+    for (slot, shape) in (1u32..).zip(&mesh.later) {
+        geometry.upload(device, vertex, float3, (slot, shape))?;
+    }
+    let indices = geometry.upload(device, index, sys::RTCFormat::RTC_FORMAT_UINT3, (0, &mesh.indices))?;
     geometry.commit(device)?;
     Ok((geometry, Corners { vertices, indices, triangles: mesh.indices.len() }))
 }

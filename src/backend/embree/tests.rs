@@ -24,7 +24,7 @@ fn quad(z: f32) -> TriangleMesh {
     TriangleMesh {
         vertices: vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0), Vec3::ZERO],
         indices: vec![[0, 1, 2], [0, 2, 3]],
-        first_triangle: 0,
+        ..TriangleMesh::default()
     }
 }
 

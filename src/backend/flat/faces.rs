@@ -195,7 +195,7 @@ mod tests {
 
     fn mesh(indices: &[[u32; 3]], lift: f32) -> TriangleMesh {
         let vertices = vec![Vec3::ZERO, Vec3::X * 2.0, Vec3::new(2.0, 1.0, lift), Vec3::Y];
-        TriangleMesh { vertices, indices: indices.to_vec(), first_triangle: 0 }
+        TriangleMesh { vertices, indices: indices.to_vec(), ..TriangleMesh::default() }
     }
 
     /// Oracle: a rectangle of two triangles, in every order of their vertices; bent or turned over it is none.

@@ -236,7 +236,7 @@ mod tests {
             let corners = [c, c + u * 0.05, c + u * 0.05 + v * 0.05 + n * bend, c + v * 0.05];
             let far = [-Vec3::ONE, -Vec3::ONE + Vec3::X * 0.1, -Vec3::ONE + Vec3::Y * 0.1];
             let indices = vec![[0, 1, 3], [2, 3, 1], [4, 5, 6]];
-            let mesh = TriangleMesh { vertices: [&corners[..], &far].concat(), indices, first_triangle: 0 };
+            let mesh = TriangleMesh { vertices: [&corners[..], &far].concat(), indices, ..TriangleMesh::default() };
             let geometry = Geometry { meshes: vec![mesh], ..Geometry::default() };
             let flat = flat(&geometry, true);
             joined += flat.faces.quads.len();

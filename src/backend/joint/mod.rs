@@ -43,7 +43,49 @@ struct Front {
     wide: bool,
 }
 
-/// What dividing a scene comes to.
+/// A scene in two parts, before anything is built over the second: what there is to count.
+pub(super) struct Halves {
+    faces: Faces,
+    volumes: Volumes,
+    parts: Parts,
+}
+
+impl Halves {
+    /// `None` where no faces are worth it, or nothing else is there.
+    pub fn of(geometry: &Geometry, limits: &Limits) -> Option<Self> {
+        let parts = Parts::of(geometry, limits).filter(|parts| !parts.bodies.is_empty())?;
+        let (faces, volumes) = (Faces::new(&parts.faces), volumes(geometry, &parts, limits));
+        Some(Halves { faces, volumes, parts })
+    }
+
+    /// Faces that every ray meets.
+    pub fn faces(&self) -> usize {
+        self.faces.count()
+    }
+
+    /// Volumes around the rest.
+    pub fn volumes(&self) -> usize {
+        self.volumes.count()
+    }
+
+    /// Whether a triangle of the world mesh belongs to a face.
+    pub fn is_face(&self, prim: u32) -> bool {
+        self.parts.is_face(prim)
+    }
+
+    /// The rays of `blocks`, by number, that still come near a volume, and where they end by then.
+    pub fn left<B: Meets>(&self, blocks: &mut [B], len: usize) -> Vec<(usize, f32)> {
+        let mut packed = Packed::new();
+        let batch = Batch::new(blocks, len);
+        // The same bits on every instruction set.
+        let Halves { faces, volumes, .. } = self;
+        dispatch::widest(false, Cull { faces, volumes, batch, packed: &mut packed, without: () });
+        let end = |from: usize| packed.blocks[from / LANES].rays().tfar[from % LANES];
+        packed.places().enumerate().map(|(from, to)| (to, end(from))).collect()
+    }
+}
+
+/// What dividing a scene comes to, without counting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Division {
     /// Faces that every ray meets.
@@ -60,6 +102,14 @@ pub fn divide(geometry: &Geometry, limits: &Limits) -> Option<Division> {
     Some(Division { faces: flat::count(&parts.faces), near })
 }
 
+/// The volumes around the rest.
+fn volumes(geometry: &Geometry, parts: &Parts, limits: &Limits) -> Volumes {
+    let all = (0u32..).zip(&geometry.instances);
+    let poses = all.flat_map(|(i, placement)| geometry.moving.steps(i).iter().chain([placement]));
+    let stretch = poses.map(bounds::condition).fold(1.0, f64::max);
+    Volumes::new(&parts.bodies, limits.volumes, stretch as f32)
+}
+
 impl Joint {
     /// Divides the geometry and prepares both parts.
     ///
@@ -74,10 +124,7 @@ impl Joint {
         };
         let rest = Obvhs::build(geometry, &parts.rest(&geometry.meshes[0]), options)?;
         let faces = Faces::new(&parts.faces);
-        let all = (0u32..).zip(&geometry.instances);
-        let poses = all.flat_map(|(i, placement)| geometry.moving.steps(i).iter().chain([placement]));
-        let stretch = poses.map(bounds::condition).fold(1.0, f64::max);
-        let volumes = Volumes::new(&parts.bodies, limits.volumes, stretch as f32);
+        let volumes = volumes(geometry, &parts, limits);
         let rest_info = rest.info().clone();
         let info = BackendInfo {
             kind,

@@ -68,6 +68,12 @@ impl Parts {
         (bodies.len() <= limits.bodies).then_some(Parts { faces, bodies, groups, is_face })
     }
 
+    /// Whether a triangle of the world mesh belongs to a face.
+    pub fn is_face(&self, prim: u32) -> bool {
+        let group = self.groups.of_triangle[prim as usize];
+        group != NONE && self.is_face[group as usize]
+    }
+
     /// The world mesh without the faces, whose triangles lose their corners; all keep their numbers.
     pub fn rest(&self, mesh: &TriangleMesh) -> TriangleMesh {
         // A triangle that is not finite is left out by the backend of the mesh.
@@ -76,7 +82,7 @@ impl Parts {
         let is_rest = |group: u32| group != NONE && !self.is_face[group as usize];
         let all = self.groups.of_triangle.iter().zip(&mesh.indices);
         let indices = all.map(|(&group, &triangle)| if is_rest(group) { triangle } else { [nowhere; 3] }).collect();
-        TriangleMesh { vertices, indices, first_triangle: mesh.first_triangle }
+        TriangleMesh { vertices, indices, first_triangle: mesh.first_triangle, later: Vec::new() }
     }
 }
 
@@ -203,8 +209,12 @@ impl Body {
 
     /// What a mesh occupies in its own space.
     fn of_mesh(mesh: &TriangleMesh) -> Self {
-        let bounds = mesh.traced().fold(Bounds::EMPTY, |all, (_, corners)| all.union(Bounds::of(&corners)));
-        let radius = mesh.traced().map(|(_, corners)| reach(bounds.center(), &corners)).fold(0.0, f32::max);
+        let corners = || {
+            let changing = (!mesh.later.is_empty()).then(|| mesh.traced_moving()).into_iter().flatten();
+            mesh.traced().map(|(_, corners)| corners).chain(changing.flat_map(|(_, shapes)| shapes))
+        };
+        let bounds = corners().fold(Bounds::EMPTY, |all, corners| all.union(Bounds::of(&corners)));
+        let radius = corners().map(|corners| reach(bounds.center(), &corners)).fold(0.0, f32::max);
         Body { bounds, radius }
     }
 }

@@ -48,6 +48,11 @@ impl Volumes {
         volumes
     }
 
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.balls.len() + self.boxes.len()
+    }
+
     /// The lanes of `valid` whose segment comes near a volume. Errs towards yes.
     #[inline(always)]
     pub fn near(&self, ray: &RayBlock, valid: u16) -> u16 {

@@ -20,6 +20,10 @@ pub(super) const INSTANCE_OF_WORLD: u32 = 0;
 pub(super) struct Hierarchy {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
+    /// Blocks of meshes that change their shape.
+    pub changing: Vec<Block>,
+    /// By mesh, parts that the shutter is cut into for one that changes its shape.
+    pub parts: Vec<usize>,
     /// The mesh that lies in the world; [`Reference::NOTHING`] if it is empty.
     pub world: Reference,
     /// The hierarchy over the instances.
@@ -49,6 +53,8 @@ impl Hierarchy {
         let mut all = Hierarchy {
             nodes: Vec::new(),
             blocks: Vec::new(),
+            changing: Vec::new(),
+            parts: meshes.iter().map(|mesh| mesh.parts).collect(),
             world: Reference::NOTHING,
             top: Reference::NOTHING,
             roots: Vec::with_capacity(meshes.len()),
@@ -58,6 +64,7 @@ impl Hierarchy {
         };
         for mesh in meshes {
             let root = all.append(mesh.nodes, mesh.blocks, mesh.root);
+            all.changing.extend(mesh.changing);
             all.roots.push(root);
         }
         all.top = all.append(nodes, Vec::new(), top);
@@ -65,20 +72,21 @@ impl Hierarchy {
         all
     }
 
-    /// Adds nodes and blocks that refer to one another; the root as it is called here.
+    /// Adds nodes and blocks that refer to one another, before the blocks of those that change their shape; the root as
+    /// it is called here.
     fn append(&mut self, mut nodes: Vec<Node>, blocks: Vec<Block>, root: Reference) -> Reference {
-        if self.nodes.is_empty() && self.blocks.is_empty() {
+        if self.nodes.is_empty() && self.blocks.is_empty() && self.changing.is_empty() {
             // The first, often the only one, stays where it is.
             (self.nodes, self.blocks) = (nodes, blocks);
             return root;
         }
-        let (before, blocks_before) = (self.nodes.len(), self.blocks.len());
+        let (before, blocks_before, changing) = (self.nodes.len(), self.blocks.len(), self.changing.len());
         for node in &mut nodes {
-            node.children = node.children.map(|child| child.shifted(before, blocks_before));
+            node.children = node.children.map(|child| child.shifted(before, blocks_before, changing));
         }
         self.nodes.append(&mut nodes);
         self.blocks.extend(blocks);
-        root.shifted(before, blocks_before)
+        root.shifted(before, blocks_before, changing)
     }
 
     /// Mesh of an instance, by its number + 1; 0 is the world.
@@ -97,7 +105,8 @@ impl Hierarchy {
 
     /// Bytes of nodes and blocks.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+        let blocks = size_of_val(self.blocks.as_slice()) + size_of_val(self.changing.as_slice());
+        (size_of_val(self.nodes.as_slice()) + blocks) as u64
     }
 }
 

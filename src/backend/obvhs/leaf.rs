@@ -41,6 +41,15 @@ impl Block {
         block
     }
 
+    /// The triangles between two shapes of a mesh; corners as [`triangle::between`] has them.
+    pub fn between(from: &Block, to: &Block, fraction: f32) -> Block {
+        let mut block = *from;
+        for (corner, to) in block.vertices.iter_mut().flatten().zip(to.vertices.iter().flatten()) {
+            *corner += (*to - *corner) * fraction;
+        }
+        block
+    }
+
     /// Number of the triangle in a lane.
     #[inline(always)]
     pub fn prim(&self, lane: usize) -> u32 {

@@ -11,6 +11,7 @@ use super::node::Node;
 use super::reference::Reference;
 use crate::backend::bounds::Bounds;
 use crate::backend::triangle::is_degenerate;
+use crate::math::float::UNIT_ROUNDOFF;
 use crate::scene::geometry::TriangleMesh;
 
 /// Triangles and hierarchy of one mesh.
@@ -18,6 +19,10 @@ use crate::scene::geometry::TriangleMesh;
 pub(super) struct MeshTree {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
+    /// Of a mesh that changes its shape, in the place of `blocks`: for each leaf one block a shape, in their order.
+    pub changing: Vec<Block>,
+    /// Parts that the shutter is cut into for it; 0 where the mesh keeps its shape.
+    pub parts: usize,
     pub root: Reference,
     /// Bounds of the triangles that are kept, not grown.
     pub bounds: Bounds,
@@ -29,6 +34,9 @@ impl MeshTree {
     /// Builds over `mesh`; `scene_diagonal` is the extent of everything in the same space, at least the mesh's own.
     /// `copies` says whether exact copies are kept.
     pub fn build(mesh: &TriangleMesh, scene_diagonal: f64, copies: bool) -> Self {
+        if !mesh.later.is_empty() {
+            return Self::changing(mesh, scene_diagonal);
+        }
         let corner = |i: u32| mesh.vertices.get(i as usize).copied().unwrap_or(Vec3::NAN);
         let triangle = |prim: u32| mesh.indices[prim as usize].map(corner);
         let mut kept: Vec<u32> =
@@ -47,7 +55,31 @@ impl MeshTree {
             Reference::triangles(blocks.len() - 1)
         });
         blocks.shrink_to_fit();
-        MeshTree { nodes, blocks, root, bounds, triangles: kept.len() as u64 }
+        MeshTree { nodes, blocks, changing: Vec::new(), parts: 0, root, bounds, triangles: kept.len() as u64 }
+    }
+
+    /// Builds over a mesh that changes its shape: boxes hold all shapes, and so what is between them. Copies stay.
+    fn changing(mesh: &TriangleMesh, scene_diagonal: f64) -> Self {
+        let kept: Vec<(u32, Vec<[Vec3; 3]>)> = mesh.traced_moving().collect();
+        let around =
+            |shapes: &[[Vec3; 3]]| shapes.iter().fold(Bounds::EMPTY, |b, corners| b.union(Bounds::of(corners)));
+        let bounds = kept.iter().fold(Bounds::EMPTY, |b, (_, shapes)| b.union(around(shapes)));
+        let diagonal = scene_diagonal.max(bounds.diagonal());
+        // A corner between two shapes is rounded to what may lie beside both.
+        let rounding = |b: Bounds| b.grown(b.lo.abs().max(b.hi.abs()) * (8.0 * UNIT_ROUNDOFF));
+        let bounds = if bounds.is_empty() { bounds } else { rounding(bounds) };
+        let boxes: Vec<Bounds> = kept.iter().map(|(_, shapes)| grown(rounding(around(shapes)), diagonal)).collect();
+        let (nodes, mut changing, root) = collapse::build(&boxes, LEAF_SIZE, Vec::new, |blocks, members| {
+            let first = blocks.len();
+            for shape in 0..=mesh.later.len() {
+                let triangle = |&item: &u32| (kept[item as usize].0, kept[item as usize].1[shape]);
+                blocks.push(Block::new(members.iter().map(triangle)));
+            }
+            Reference::changing(first)
+        });
+        changing.shrink_to_fit();
+        let (parts, triangles) = (mesh.later.len(), kept.len() as u64);
+        MeshTree { nodes, blocks: Vec::new(), changing, parts, root, bounds, triangles }
     }
 }
 

@@ -33,7 +33,12 @@ pub(super) enum Rare {
     Leave,
     /// An instance, from outside.
     Instance(usize),
+    /// Triangles of a mesh that changes its shape: the first of their blocks.
+    Changing(usize),
 }
+
+/// Set in references of [`Rare::Changing`], not of [`Rare::Instance`].
+const CHANGING: u32 = 1 << 29;
 
 impl Reference {
     pub const DONE: Reference = Reference(u32::MAX);
@@ -42,6 +47,9 @@ impl Reference {
 
     /// Things of a kind that 30 bits can number, and a few.
     const MOST: usize = (RARE - 4) as usize;
+
+    /// The same of rare things, with one bit less.
+    const MOST_RARE: usize = (CHANGING - 4) as usize;
 
     fn checked(index: usize) -> u32 {
         assert!(index < Self::MOST, "a hierarchy of 2^30 nodes or leaves");
@@ -58,17 +66,31 @@ impl Reference {
         Reference(LEAF | Self::checked(index))
     }
 
-    /// The instance at `index`.
-    pub fn instance(index: usize) -> Self {
-        Reference(LEAF | RARE | Self::checked(index))
+    fn checked_rare(index: usize) -> u32 {
+        assert!(index < Self::MOST_RARE, "2^29 instances, or leaves of meshes that change their shape");
+        index as u32
     }
 
-    /// The same thing in an array that has `nodes` nodes and `leaves` blocks of triangles before it.
-    pub fn shifted(self, nodes: usize, leaves: usize) -> Self {
+    /// The instance at `index`.
+    pub fn instance(index: usize) -> Self {
+        Reference(LEAF | RARE | Self::checked_rare(index))
+    }
+
+    /// Triangles of a mesh that changes its shape; the first of their blocks is at `index`.
+    pub fn changing(index: usize) -> Self {
+        Reference(LEAF | RARE | CHANGING | Self::checked_rare(index))
+    }
+
+    /// The same thing in arrays that have `nodes` nodes, `leaves` blocks of triangles, and `changing` blocks of meshes
+    /// that change their shape before it.
+    pub fn shifted(self, nodes: usize, leaves: usize, changing: usize) -> Self {
         match self.stage() {
             Stage::Boxes => Self::node(self.index() + nodes),
             Stage::Triangles => Self::triangles(self.index() + leaves),
-            Stage::Rare => self,
+            Stage::Rare => match self.rare() {
+                Rare::Changing(index) => Self::changing(index + changing),
+                _ => self,
+            },
         }
     }
 
@@ -114,6 +136,7 @@ impl Reference {
             Self::DONE => Rare::Done,
             Self::NOTHING => Rare::Nothing,
             Self::LEAVE => Rare::Leave,
+            Reference(bits) if bits & CHANGING != 0 => Rare::Changing((bits & !(LEAF | RARE | CHANGING)) as usize),
             Reference(bits) => Rare::Instance((bits & !(LEAF | RARE)) as usize),
         }
     }
@@ -129,16 +152,20 @@ mod tests {
         for index in [0, 1, 77, Reference::MOST - 1] {
             assert_eq!(Reference::node(index).index(), index);
             assert_eq!(Reference::triangles(index).index(), index);
-            assert_eq!(Reference::instance(index).rare(), Rare::Instance(index));
+            let rare = index.min(Reference::MOST_RARE - 1);
+            assert_eq!(Reference::instance(rare).rare(), Rare::Instance(rare));
+            assert_eq!(Reference::changing(rare).rare(), Rare::Changing(rare));
         }
         let rare = [Reference::DONE, Reference::NOTHING, Reference::LEAVE, Reference::instance(3)];
         for reference in rare.into_iter().chain([Reference::node(5), Reference::triangles(5)]) {
             assert_eq!(reference.is_boxes() == 1, reference.stage() == Stage::Boxes);
             assert_eq!(reference.is_rare() == 1, reference.stage() == Stage::Rare);
-            assert_eq!(reference.shifted(0, 0), reference);
+            assert_eq!(reference.shifted(0, 0, 0), reference);
         }
-        assert_eq!(Reference::node(5).shifted(10, 20), Reference::node(15));
-        assert_eq!(Reference::triangles(5).shifted(10, 20), Reference::triangles(25));
+        assert_eq!(Reference::node(5).shifted(10, 20, 30), Reference::node(15));
+        assert_eq!(Reference::triangles(5).shifted(10, 20, 30), Reference::triangles(25));
+        assert_eq!(Reference::changing(5).shifted(10, 20, 30), Reference::changing(35));
+        assert_eq!(Reference::instance(5).shifted(10, 20, 30), Reference::instance(5));
         assert_eq!(Reference::DONE.rare(), Rare::Done);
     }
 }

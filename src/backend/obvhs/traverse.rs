@@ -8,7 +8,7 @@
 use std::cell::Cell;
 
 use super::hierarchy::{Hierarchy, INSTANCE_OF_WORLD, Places};
-use super::leaf::Sheared;
+use super::leaf::{Block, Sheared};
 use super::node::SLACK;
 use super::ray::Record;
 use super::reference::{Rare, Reference};
@@ -17,6 +17,7 @@ use crate::backend::batch::{Batch, LANES};
 use crate::backend::past::{Without, key_of};
 use crate::backend::triangle::{Closest, Ray, RayByRay, TriangleHit};
 use crate::math::simd::isa::{Isa, Kernel};
+use crate::scene::motion::part_of;
 
 /// Rays in flight. 16 leave memory latency and the ends of the loops to be seen (4 % slower), 48 do not stay in the
 /// first cache (10 % slower).
@@ -190,7 +191,7 @@ impl<B: RayByRay, W: Without> Kernel for Traverse<'_, B, W> {
         while queues.boxes.len + queues.triangles.len + queues.rare.len > 0 {
             boxes::<I>(hierarchy, &mut memory.rays, &mut queues);
             triangles::<B>(hierarchy, &mut memory, &mut queues, without);
-            rare(hierarchy, &mut memory, &mut queues, &mut waiting);
+            rare(hierarchy, &mut memory, &mut queues, &mut waiting, without);
         }
         MEMORY.set(Some(memory));
         waiting.batch.invalid()
@@ -246,7 +247,13 @@ fn triangles<B: RayByRay>(hierarchy: &Hierarchy, memory: &mut Memory, queues: &m
 
 /// Ends, instances, and rays that take the place of those that are done.
 #[inline(always)]
-fn rare<B: RayByRay>(hierarchy: &Hierarchy, memory: &mut Memory, queues: &mut Queues, waiting: &mut Waiting<B>) {
+fn rare<B: RayByRay>(
+    hierarchy: &Hierarchy,
+    memory: &mut Memory,
+    queues: &mut Queues,
+    waiting: &mut Waiting<B>,
+    without: impl Without,
+) {
     let ready = queues.rare.take();
     for place in ready.iter() {
         let ray = &mut memory.rays[usize::from(place) % RAYS];
@@ -256,7 +263,7 @@ fn rare<B: RayByRay>(hierarchy: &Hierarchy, memory: &mut Memory, queues: &mut Qu
                 continue;
             }
         } else {
-            ray.turn(hierarchy, waiting);
+            ray.turn(hierarchy, waiting, without);
         }
         queues.add(place, ray.next);
     }
@@ -328,11 +335,33 @@ impl ActiveRay {
         }
     }
 
-    /// Into an instance, or out of it.
+    /// Up to four triangles of a mesh that changes its shape, where they are at the time of the ray.
+    #[cold]
     #[inline(never)]
-    fn turn<B: RayByRay>(&mut self, hierarchy: &Hierarchy, waiting: &Waiting<B>) {
+    fn meet_changing<B: RayByRay>(&mut self, hierarchy: &Hierarchy, first: usize, time: f32, without: impl Without) {
+        let parts = hierarchy.parts[hierarchy.mesh_of(self.instance) as usize];
+        let (part, fraction) = part_of(time, parts);
+        let block = Block::between(&hierarchy.changing[first + part], &hierarchy.changing[first + part + 1], fraction);
+        let mut sheared = Sheared::EMPTY;
+        let mut pierced = block.pierced(&self.record, &mut sheared);
+        while pierced != 0 {
+            let lane = pierced.trailing_zeros() as usize;
+            pierced &= pierced - 1;
+            let rank = key_of(self.instance, block.prim(lane));
+            if !without.is_passed(self.ray as usize, rank) {
+                self.offer::<B>(sheared.hit(lane, self.record.dz), rank);
+            }
+        }
+    }
+
+    /// Into an instance, or out of it; triangles that change their shape.
+    #[inline(never)]
+    fn turn<B: RayByRay>(&mut self, hierarchy: &Hierarchy, waiting: &Waiting<B>, without: impl Without) {
         match self.next.rare() {
             Rare::Done | Rare::Nothing => {}
+            Rare::Changing(first) => {
+                self.meet_changing::<B>(hierarchy, first, waiting.time(self.ray), without);
+            }
             Rare::Leave => {
                 self.record = self.world;
                 self.instance = INSTANCE_OF_WORLD;

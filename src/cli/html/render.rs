@@ -7,6 +7,7 @@ use crate::cli::words;
 use crate::error::Result;
 use crate::film::Film;
 use crate::film::channel::Channel;
+use crate::film::ids::Ids;
 use crate::film::look::Look;
 use crate::machine::Processor;
 use crate::plan::Aov;
@@ -127,30 +128,23 @@ fn noise(film: &Film) -> HeatMap {
 
 /// Small pictures of a layer: one, or one for each number of scatterings that carries light.
 fn layer(film: &Film, aov: Aov, max_depth: u32) -> Vec<String> {
+    if let Some(lists) = film.ids(aov) {
+        return vec![ids(film, aov, lists)];
+    }
     let channels = film.channels(&[aov], max_depth);
-    let groups = channels.chunk_by(|a, b| group_of(a) == group_of(b));
+    let groups = channels.chunk_by(|a, b| a.layer() == b.layer());
     let lit = |group: &&[Channel]| {
         aov.gathers() != Gathers::PathLengths || group.iter().any(|c| c.values.iter().any(|value| *value != 0.0))
     };
     groups.filter(lit).map(|group| small(film, aov, group)).collect()
 }
 
-/// The part of a channel's name that channels of one picture share.
-fn group_of(channel: &Channel) -> &str {
-    channel.name.rsplit_once('.').map_or(channel.name.as_str(), |(group, _)| group)
-}
-
 /// A small picture of one to three channels. Errors are drawn as a map, colours as they are, and other values from dark
 /// to light between their least and their largest, each component in a primary colour.
 fn small(film: &Film, aov: Aov, channels: &[Channel]) -> String {
-    let (width, height) = (film.window.width as usize, film.window.height as usize);
-    let step = width.max(height).div_ceil(SMALL).max(1);
-    let places: Vec<usize> = (0..height.div_ceil(step))
-        .flat_map(|y| (0..width.div_ceil(step)).map(move |x| y * step * width + x * step))
-        .collect();
-    let size = (width.div_ceil(step) as u32, height.div_ceil(step) as u32);
+    let (places, size) = places(film);
     let value = |channel: usize, p: usize| f64::from(channels[channel].values[p]);
-    let name = group_of(&channels[0]);
+    let name = channels[0].layer();
     let is_color = channels.len() == 3 && channels[0].name.ends_with(".R");
     let (bytes, range) = if is_color && aov.gathers() == Gathers::Nothing {
         let mean = |&p: &usize| (0..3).map(|c| value(c, p)).sum::<f64>() / 3.0;
@@ -158,8 +152,14 @@ fn small(film: &Film, aov: Aov, channels: &[Channel]) -> String {
         let range = format!(": <span class=\"scale\"></span> 0 to {} and above", short(map.end));
         (map.bytes, range)
     } else if is_color {
-        let color = |&p: &usize| picture::clipped([0, 1, 2].map(|c| value(c, p)));
-        (places.iter().flat_map(color).collect(), String::new())
+        // What a first hit has needs no light; parts of the light are often too faint to be seen beside the whole.
+        let stops = match aov.gathers() {
+            Gathers::FirstHit => 0,
+            _ => stops(places.iter().map(|&p| (0..3).map(|c| value(c, p)).fold(0.0, f64::max))),
+        };
+        let color = |&p: &usize| picture::clipped([0, 1, 2].map(|c| value(c, p) * f64::from(stops).exp2()));
+        let range = if stops > 0 { format!(", exposure +{stops} EV") } else { String::new() };
+        (places.iter().flat_map(color).collect(), range)
     } else {
         // The largest f32 stands for nothing there.
         let there = |value: &f32| value.abs() < f32::MAX;
@@ -174,6 +174,39 @@ fn small(film: &Film, aov: Aov, channels: &[Channel]) -> String {
         (places.iter().flat_map(pixel).collect(), range)
     };
     picture::figure(&bytes, size, name, &format!("<code>{}</code>{range}", escaped(name)))
+}
+
+/// By how many stops a small picture of such values is exposed more, so that the brightest hundredth is nearly white;
+/// at most 12.
+fn stops(values: impl Iterator<Item = f64>) -> i32 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let bright = values.get(values.len() * 99 / 100).copied().unwrap_or(0.0);
+    if bright > 0.0 { (0.8 / bright).log2().floor().clamp(0.0, 12.0) as i32 } else { 0 }
+}
+
+/// The pixels that a small picture shows, and its size.
+fn places(film: &Film) -> (Vec<usize>, (u32, u32)) {
+    let (width, height) = (film.window.width as usize, film.window.height as usize);
+    let step = width.max(height).div_ceil(SMALL).max(1);
+    let row = |y: usize| (0..width.div_ceil(step)).map(move |x| y * step * width + x * step);
+    let places = (0..height.div_ceil(step)).flat_map(row).collect();
+    (places, (width.div_ceil(step) as u32, height.div_ceil(step) as u32))
+}
+
+/// A small picture of ids, each in a colour that is made of its bits, mixed by their shares.
+fn ids(film: &Film, aov: Aov, lists: &[Ids]) -> String {
+    let (places, size) = places(film);
+    let mixed = |&p: &usize| {
+        let shares = lists[p].ranked();
+        let channel = |shift: u32| {
+            let part = |&(id, share): &(u32, f64)| share * f64::from(id >> shift & 0xff) / 255.0;
+            shares.iter().map(part).sum::<f64>()
+        };
+        picture::clipped([0, 7, 14].map(channel))
+    };
+    let bytes: Vec<u8> = places.iter().flat_map(mixed).collect();
+    picture::figure(&bytes, size, aov.name(), &format!("<code>{}</code>", escaped(aov.name())))
 }
 
 /// What is simulated, what is not, and by what.
@@ -259,8 +292,7 @@ fn curves(shown: &Shown, page: &mut Page) {
 fn commands(render: &Render, shown: &Shown, page: &mut Page) {
     let mut given = shown.given.clone();
     if let Some(frame) = shown.frame {
-        given.retain(|(option, _)| option != "frames");
-        given.push(("frames".into(), vec!["--frames".into(), frame.to_string()]));
+        given = words::of_frame(given, frame);
     }
     page.heading("Command line");
     page.code(&format!("pathspace render{}", words::line(&given)));

@@ -142,17 +142,25 @@ fn answer(mut stream: TcpStream, shared: &Shared, token: Option<&str>) -> std::i
                 "text/plain; charset=utf-8",
             )
         }
+        ("GET", "/layer") => {
+            let Some(number) = value("number").and_then(|text| text.parse().ok()) else {
+                return reply(&mut stream, "400 Bad Request", "text/plain", b"");
+            };
+            let (reply_to, answered) = sync_channel(1);
+            let asked = shared.ask(Request::Layer { number, reply: reply_to });
+            let answer = asked.then(|| answered.recv_timeout(ANSWER).ok()).flatten();
+            forward(&mut stream, answer, "application/octet-stream")
+        }
         ("GET", "/picture.exr") => {
             let (reply_to, answered) = sync_channel(1);
             let asked = shared.ask(Request::Exr { reply: reply_to });
             forward(&mut stream, asked.then(|| answered.recv_timeout(ANSWER).ok()).flatten(), "image/x-exr")
         }
-        ("POST", "/view") if asked.ours => match serde_json::from_slice::<ViewChange>(&asked.body) {
-            Ok(view) if view.is_sane() && shared.ask(Request::Look(view)) => {
-                reply(&mut stream, "200 OK", "text/plain", b"")
-            }
-            _ => reply(&mut stream, "400 Bad Request", "text/plain", b""),
-        },
+        ("POST", "/view") if asked.ours => {
+            let view = serde_json::from_slice::<ViewChange>(&asked.body).ok().filter(ViewChange::is_sane);
+            let taken = view.is_some_and(|view| shared.ask(Request::Look(view)));
+            reply(&mut stream, if taken { "200 OK" } else { "400 Bad Request" }, "text/plain", b"")
+        }
         _ => reply(&mut stream, "404 Not Found", "text/plain", b""),
     }
 }

@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::plan::Aov;
+
 /// Most requests that wait for the render; more are turned away.
 const MOST_REQUESTS: usize = 64;
 
@@ -26,6 +28,13 @@ pub enum Request {
         /// Gets the text.
         reply: SyncSender<Bytes>,
     },
+    /// A layer.
+    Layer {
+        /// Which of those that the state lists.
+        number: usize,
+        /// Gets its file.
+        reply: SyncSender<Bytes>,
+    },
     /// The picture as OpenEXR.
     Exr {
         /// Gets the file.
@@ -33,8 +42,8 @@ pub enum Request {
     },
 }
 
-/// A camera about a point, as the page says it and is told.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// A camera about a point, as the page says it and is told; with it what else of the picture the page can change.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewChange {
     /// Degrees to the right of +Z.
     pub azimuth: f64,
@@ -48,9 +57,34 @@ pub struct ViewChange {
     pub fov: Option<f64>,
     /// Radius of the lens, metres; 0 is a pinhole. It is focused at the target.
     pub aperture: f64,
+    /// By how much the environment is turned, degrees as of `--env-rotation`; `None` where there is none.
+    #[serde(default)]
+    pub rotation: Option<f64>,
+    /// Layers that are gathered, by their names.
+    #[serde(default)]
+    pub layers: Vec<String>,
 }
 
 impl ViewChange {
+    /// Whether the camera stands as that of `other`; numbers may have lost their last digit on their way.
+    pub fn stands_as(&self, other: &ViewChange) -> bool {
+        let of = |view: &ViewChange| {
+            let [x, y, z] = view.target;
+            [view.azimuth, view.elevation, view.distance, x, y, z, view.fov.unwrap_or(0.0)]
+        };
+        of(self).into_iter().zip(of(other)).all(|(a, b)| near(a, b))
+    }
+
+    /// Whether its lens is that of `other`.
+    pub fn sees_as(&self, other: &ViewChange) -> bool {
+        near(self.aperture, other.aperture) && near(self.distance, other.distance)
+    }
+
+    /// Whether the environment is turned as that of `other`.
+    pub fn is_lit_as(&self, other: &ViewChange) -> bool {
+        near(self.rotation.unwrap_or(0.0), other.rotation.unwrap_or(0.0))
+    }
+
     /// Whether a camera can stand so.
     pub fn is_sane(&self) -> bool {
         let finite = [self.azimuth, self.elevation, self.target[0], self.target[1], self.target[2]];
@@ -61,6 +95,8 @@ impl ViewChange {
             && self.fov.is_none_or(|fov| fov > 0.0 && fov < 180.0)
             && self.aperture >= 0.0
             && self.aperture.is_finite()
+            && self.rotation.is_none_or(|degrees| (degrees as f32).is_finite())
+            && self.layers.iter().all(|name| name.parse::<Aov>().is_ok())
     }
 }
 
@@ -132,6 +168,10 @@ impl Shared {
             drop(self.arrived.wait_timeout(requests, most));
         }
     }
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-12 * a.abs().max(b.abs())
 }
 
 fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

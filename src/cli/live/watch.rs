@@ -10,7 +10,8 @@ use serde::Serialize;
 use super::args::LiveArgs;
 use super::frame::Frame;
 use super::http::Server;
-use super::page::{Request, Shared, ViewChange};
+use super::layers::{self, Layer};
+use super::page::{Bytes, Request, Shared, ViewChange};
 use super::tev::Tev;
 use crate::cli::args::Cli;
 use crate::cli::replay::story;
@@ -19,7 +20,9 @@ use crate::cli::words;
 use crate::error::Result;
 use crate::film::Film;
 use crate::film::look::Look;
+use crate::plan::Bias;
 use crate::render::{Crop, Render, Renderer, Snapshot};
+use crate::stats::bias::ledger;
 use crate::stats::curve::ErrorCurve;
 
 /// Share of a render's time that showing it may take.
@@ -28,8 +31,10 @@ const SHARE: f64 = 0.01;
 /// Options that the page says itself, and that say who sees it.
 const OF_THE_PAGE: [&str; 5] = ["address", "serve", "serve_anywhere", "exposure", "tone_map"];
 
-/// Options in the place of which the page puts its own, once the camera was moved.
-const OF_THE_CAMERA: [&str; 4] = ["camera_orbit", "look_at", "aperture_radius", "focus_distance"];
+/// Options in the place of which the page puts its own: once the camera was moved, the lens changed, the environment
+/// turned.
+const OF_THE_VIEW: [&[&str]; 3] =
+    [&["camera_orbit", "look_at"], &["aperture_radius", "focus_distance"], &["env_rotation"]];
 
 /// Who sees a render.
 pub struct Watchers {
@@ -50,6 +55,8 @@ pub struct Watchers {
 pub struct Page {
     shared: Arc<Shared>,
     state: State,
+    /// What was said in the place of [`OF_THE_VIEW`].
+    said: [String; 3],
 }
 
 /// What the page is told, JSON.
@@ -69,7 +76,14 @@ struct State {
     done: bool,
     /// Where the camera stands, if it can be moved.
     view: Option<ViewChange>,
-    /// The command line that renders the same, but for the camera, and what it says of that.
+    /// Where it stood when nobody had moved it.
+    home: Option<ViewChange>,
+    /// Layers that can be shown, and names of those that only another render has.
+    layers: Vec<Layer>,
+    beyond: Vec<&'static str>,
+    /// The ledger of biases: of the plan, and once the render has ended as it was measured.
+    bias: Vec<Bias>,
+    /// The command line that renders the same, but for what a view can change, and what it says of that.
     command: String,
     camera: String,
     plan: String,
@@ -85,17 +99,53 @@ impl Page {
         shared.tell(serde_json::to_string(&State::default()).unwrap_or_default());
         let server = Server::start(address, anywhere, shared.clone())?;
         verbosity.note(format_args!("see it at {}", server.url));
-        let (command, camera) = command(&[]);
-        Ok(Page { shared, state: State { command, camera, ..State::default() } })
+        Ok(Page { shared, state: State { command: command(None), ..State::default() }, said: Default::default() })
     }
 
-    /// The command line that it shows is the one of a view of `size` and `spp` samples per pixel, which is lit by the
-    /// `studio` or not although nobody asked for it.
-    pub fn renders(&mut self, (width, height): (u32, u32), spp: u64, studio: bool) {
-        let (command, camera) = command(&["width", "height", "size", "spp"]);
+    /// It shows views from now on, of `size` and `spp` samples per pixel, at first as of `home`, lit by the `studio` or
+    /// not and by `techniques` although nobody asked for them. The command line is that of a render.
+    pub fn shows_views(
+        &mut self,
+        (width, height): (u32, u32),
+        spp: u64,
+        (studio, techniques): (bool, &str),
+        home: ViewChange,
+    ) {
+        let mut rest = given(&["width", "height", "size", "spp"], None);
+        self.said = OF_THE_VIEW.map(|of| {
+            let (said, others) =
+                std::mem::take(&mut rest).into_iter().partition(|(option, _)| of.contains(&option.as_str()));
+            rest = others;
+            words::line(&said)
+        });
         let env = if studio { " --env studio" } else { "" };
-        self.state.command = format!("{command} --size {width}x{height} --spp {spp}{env}");
-        self.state.camera = camera;
+        let rest = words::line(&rest);
+        self.state.command = format!("pathspace render{rest} --size {width}x{height} --spp {spp}{env}{techniques}");
+        self.state.home = Some(home);
+    }
+
+    /// The end of the command line that renders `view`.
+    fn tail(&self, view: &ViewChange) -> String {
+        let ViewChange { azimuth, elevation, distance, target: [x, y, z], aperture, .. } = view;
+        let home = self.state.home.as_ref().unwrap_or(view);
+        let [camera, lens, turn] = &self.said;
+        let mut tail = match view.stands_as(home) {
+            true => camera.clone(),
+            false => format!(" --camera-orbit={azimuth},{elevation},{distance} --look-at={x},{y},{z}"),
+        };
+        tail += &match view.sees_as(home) {
+            true => lens.clone(),
+            false if *aperture > 0.0 => format!(" --aperture-radius {aperture} --focus-distance {distance}"),
+            false => String::new(),
+        };
+        tail += &match view.rotation.filter(|_| !view.is_lit_as(home)) {
+            Some(degrees) => format!(" --env-rotation={degrees}"),
+            None => turn.clone(),
+        };
+        if !view.layers.is_empty() {
+            tail += &format!(" --aov {}", view.layers.join(","));
+        }
+        tail
     }
 
     /// Requests of clients.
@@ -105,18 +155,26 @@ impl Page {
 
     /// A render by `renderer` begins, of `window` of the picture in the end, from a camera that can be moved or not.
     pub fn begin(&mut self, renderer: &Renderer, window: Crop, view: Option<ViewChange>) {
+        let camera = view.as_ref().map_or(String::new(), |view| self.tail(view));
         let (plan, state) = (renderer.plan(), &mut self.state);
         state.scene = renderer.scene().file.display().to_string();
         state.full = [window.width, window.height];
         state.origin = [window.x, window.y];
         state.target = plan.limits.error;
+        state.camera = camera;
+        state.beyond = if view.is_some() { layers::beyond(plan) } else { Vec::new() };
         state.view = view;
-        state.plan = renderer.record().to_string();
+        let mut record = renderer.record();
+        state.bias = std::mem::take(&mut record.bias);
+        state.plan = record.to_string();
         (state.curve, state.done) = (ErrorCurve::default(), false);
     }
 
-    /// Shows a frame of `film`.
-    pub fn show(&mut self, film: &Film, elapsed: Duration, spp: u64) {
+    /// Shows a frame of `film`, which `renderer` makes.
+    pub fn show(&mut self, renderer: &Renderer, film: &Film, elapsed: Duration, spp: u64) {
+        if self.state.curve.points().is_empty() {
+            self.state.layers = layers::of(renderer.plan(), film);
+        }
         self.state.version += 1;
         self.shared.show(Frame::of(film).bytes());
         let error = film.error_estimate().map(|estimate| estimate.relmse.sqrt());
@@ -125,9 +183,10 @@ impl Page {
         self.tell();
     }
 
-    /// Says that the render has ended.
-    pub fn done(&mut self) {
+    /// Says that a render by `renderer` has ended.
+    pub fn done(&mut self, renderer: &Renderer, render: &Render) {
         self.state.done = true;
+        self.state.bias = ledger(renderer.plan(), render);
         self.tell();
     }
 
@@ -151,8 +210,29 @@ impl Page {
         }
     }
 
-    /// Answers those who want the picture as OpenEXR, which is made once for all that wait.
-    pub fn answer_exr(&self, renderer: &Renderer, film: &Film) {
+    /// Answers those who want what is made of the film: layers, and the picture as OpenEXR.
+    pub fn answer(&self, renderer: &Renderer, film: &Film) {
+        self.answer_layers(renderer, film);
+        self.answer_exr(renderer, film);
+    }
+
+    fn answer_layers(&self, renderer: &Renderer, film: &Film) {
+        let mut made: Vec<(usize, Bytes)> = Vec::new();
+        for request in self.shared.take(|request| matches!(request, Request::Layer { .. })) {
+            let Request::Layer { number, reply } = request else { continue };
+            // A layer that is not there is told by the end of the channel.
+            let Some(layer) = self.state.layers.get(number) else { continue };
+            let earlier = made.iter().find(|(of, _)| *of == number).map(|(_, file)| file.clone());
+            let file = earlier.unwrap_or_else(|| {
+                made.push((number, layers::file(layer, renderer.plan(), film)));
+                made[made.len() - 1].1.clone()
+            });
+            let _ = reply.try_send(file);
+        }
+    }
+
+    /// The picture is written once for all that wait.
+    fn answer_exr(&self, renderer: &Renderer, film: &Film) {
         let requests = self.shared.take(|request| matches!(request, Request::Exr { .. }));
         if requests.is_empty() {
             return;
@@ -194,12 +274,13 @@ impl Watchers {
         self.preview.is_none() && self.tev.is_none() && self.page.is_none() && self.curve.is_none()
     }
 
-    /// The render begins; `look` is what a preview looks like.
-    pub fn begin(&mut self, renderer: &Renderer, look: &Look) {
+    /// The render begins, of that `frame` of a sequence; `look` is what a preview looks like.
+    pub fn begin(&mut self, renderer: &Renderer, look: &Look, frame: Option<u32>) {
         (self.look, self.spent) = (look.clone(), Duration::ZERO);
         self.curve = self.curve.take().map(|_| ErrorCurve::default());
         if let Some(page) = &mut self.page {
             page.begin(renderer, renderer.plan().window, None);
+            page.state.command = command(frame);
         }
     }
 
@@ -224,9 +305,9 @@ impl Watchers {
             return;
         }
         self.version += 1;
-        self.show_now(snapshot.film, snapshot.elapsed, snapshot.spp, false);
+        self.show_now(renderer, snapshot.film, snapshot.elapsed, snapshot.spp, false);
         if let Some(page) = &self.page {
-            page.answer_exr(renderer, snapshot.film);
+            page.answer(renderer, snapshot.film);
         }
         if !first {
             self.spent += started.elapsed();
@@ -235,10 +316,10 @@ impl Watchers {
 
     /// The render has ended: the last frame is shown whatever it takes.
     pub fn finish(&mut self, renderer: &Renderer, render: &Render) {
-        self.show_now(&render.film, render.render_time, render.film.spp().min, true);
+        self.show_now(renderer, &render.film, render.render_time, render.film.spp().min, true);
         if let Some(page) = &mut self.page {
-            page.answer_exr(renderer, &render.film);
-            page.done();
+            page.answer(renderer, &render.film);
+            page.done(renderer, render);
         }
     }
 
@@ -247,12 +328,12 @@ impl Watchers {
         self.curve.as_ref()
     }
 
-    fn show_now(&mut self, film: &Film, elapsed: Duration, spp: u64, last: bool) {
+    fn show_now(&mut self, renderer: &Renderer, film: &Film, elapsed: Duration, spp: u64, last: bool) {
         if let Some(curve) = &mut self.curve {
             curve.push(elapsed, spp, film.error_estimate().map(|estimate| estimate.relmse.sqrt()));
         }
         if let Some(page) = &mut self.page {
-            page.show(film, elapsed, spp);
+            page.show(renderer, film, elapsed, spp);
         }
         if let Some((path, every)) = &self.preview
             && (last || self.written.is_none_or(|written| written.elapsed() >= *every))
@@ -272,12 +353,19 @@ impl Watchers {
     }
 }
 
-/// This command line as one that renders, but for the options `left_out` and those that the page says itself; and what
-/// it says of the camera.
-fn command(left_out: &[&str]) -> (String, String) {
+/// Options by their names, each with its words.
+type Given = Vec<(String, Vec<String>)>;
+
+/// This command line as one that renders, of a sequence that `frame` alone, but for what the page says itself.
+fn command(frame: Option<u32>) -> String {
+    format!("pathspace render{}", words::line(&given(&[], frame)))
+}
+
+fn given(left_out: &[&str], frame: Option<u32>) -> Given {
     let mut given = Cli::given();
+    if let Some(frame) = frame {
+        given = words::of_frame(given, frame);
+    }
     given.retain(|(option, _)| !OF_THE_PAGE.contains(&option.as_str()) && !left_out.contains(&option.as_str()));
-    let (camera, rest): (Vec<_>, Vec<_>) =
-        given.into_iter().partition(|(option, _)| OF_THE_CAMERA.contains(&option.as_str()));
-    (format!("pathspace render{}", words::line(&rest)), words::line(&camera))
+    given
 }

@@ -13,6 +13,9 @@
 
 use crate::film::layer::beauty::Pixel;
 
+/// ε of relMSE as a fraction of the squared mean of the reference.
+pub const RELMSE_EPSILON: f64 = 0.01;
+
 /// Pixels to each side whose mean stands in for the reference.
 const SURROUNDINGS: usize = 2;
 

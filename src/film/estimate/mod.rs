@@ -10,15 +10,18 @@
 //! and double the film. The spread of the estimate falls by 10 to 35 % only, because few pixels hold most of the
 //! variance, and its bias, which is in the denominators, stays.
 //!
-//! **relMSE** = mean over pixels and channels of v/(R² + ε), ε = 0.01·mean(I)² (DESIGN §9). The reference R is
-//! not there; `denominator` says what stands in for it, `moments` what the sums over pixels say and how far they are to
-//! be trusted.
+//! **relMSE** = mean over pixels and channels of v/(R² + ε), ε = 0.01·mean(I)². The reference R is not
+//! there; `denominator` says what stands in for it, `moments` what the sums over pixels say and how far they are to be
+//! trusted.
 //!
-//! Limits: light that no sample has found yet is missing from picture and estimate alike. Bias has no part in it.
+//! Limits: light that no sample has found yet is missing from picture and estimate alike; `tail` says how much that may
+//! be, and how far the estimate is to be trusted. Bias has no part in it.
 
 mod denominator;
 mod error;
+mod filtered;
 mod moments;
+mod tail;
 
 use rayon::prelude::*;
 
@@ -26,10 +29,11 @@ use self::denominator::{sampled_mean, sum_columns};
 use self::moments::Moments;
 use super::store::Film;
 
+pub use self::denominator::RELMSE_EPSILON;
 pub use self::error::ErrorEstimate;
-
-/// ε of relMSE as a fraction of the squared mean of the reference (DESIGN §9).
-pub const RELMSE_EPSILON: f64 = 0.01;
+pub use self::filtered::FilteredError;
+pub(crate) use self::moments::DENOMINATOR_SHARE;
+pub use self::tail::{Tail, Verdict};
 
 impl Film {
     /// Estimates the film's error against the converged picture, on the current pool of threads; the result does not

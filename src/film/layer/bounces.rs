@@ -3,7 +3,7 @@
 //! that each can be compared with its own reference. Lengths beyond the depth limit have no channels.
 
 use super::beauty::Pixel;
-use super::kind::{Layer, Values, rgb};
+use super::kind::{Layer, Shape, Values, rgb};
 use crate::plan::aov::{Aov, Gathers};
 
 /// Number of accumulators of a pixel: entry e holds the paths of e edges, the last one those of that many or more.
@@ -21,12 +21,12 @@ pub(super) static LAYER: Layer = Layer {
     channels,
 };
 
-fn channels(max_depth: u32) -> Vec<(String, usize)> {
+fn channels(shape: &Shape) -> Vec<(String, usize)> {
     let name = |edges: usize| match edges == LENGTHS - 1 {
         true => "bounce_tail".to_string(),
         false => format!("bounce_{:02}", edges - 1),
     };
-    let last = (LENGTHS - 1).min(max_depth as usize);
+    let last = (LENGTHS - 1).min(shape.max_depth as usize);
     (1..=last).flat_map(|edges| rgb(&name(edges)).into_iter().map(move |(name, c)| (name, 3 * edges + c))).collect()
 }
 

@@ -198,3 +198,36 @@ mod lanes {
 }
 
 pub use lanes::{F32x8, U32x8};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::array::from_fn;
+
+    /// Each operation against the same arithmetic on arrays, to the bit. Deterministic.
+    #[test]
+    fn lanes_are_eight_numbers() {
+        let odd = [0.0, -0.0, 1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, f32::MIN_POSITIVE / 2.0, -3.25e30];
+        let lanes = |x: F32x8| x.to_bits().to_array();
+        for turn in 0..8 {
+            let (a, b): ([f32; 8], [f32; 8]) = (odd, from_fn(|i| odd[(i + turn) % 8]));
+            let (x, y) = (F32x8::of(a), F32x8::of(b));
+            let each = |of: &dyn Fn(f32, f32) -> f32| from_fn(|i| of(a[i], b[i]).to_bits());
+            let quiet =
+                |bits: [u32; 8]| bits.map(|bits| if f32::from_bits(bits).is_nan() { 0x7FC0_0000 } else { bits });
+            assert_eq!(quiet(lanes(x.times(y))), quiet(each(&|a, b| a * b)));
+            assert_eq!(quiet(lanes(x.mul_add(y, x))), quiet(each(&|a, b| a.mul_add(b, a))));
+            assert_eq!(lanes(x.max(y)), each(&|a, b| if a > b { a } else { b }));
+            assert_eq!(lanes(x.min(y)), each(&|a, b| if a < b { a } else { b }));
+            assert_eq!(x.le(y), (0..8).fold(0, |mask, i| mask | u8::from(a[i] <= b[i]) << i));
+            // Of an index the three lowest bits count.
+            let order: [u32; 8] = from_fn(|i| (i * 3 + turn) as u32);
+            assert_eq!(lanes(x.permuted(U32x8::of(order))), order.map(|i| a[i as usize % 8].to_bits()));
+            assert_eq!(U32x8::of(order).permuted(U32x8::of(order)).to_array(), order.map(|i| order[i as usize % 8]));
+        }
+        let bytes = [0, 1, 127, 128, 255, 9, 33, 64];
+        assert_eq!(lanes(F32x8::of_bytes(bytes)), bytes.map(|byte| f32::from(byte).to_bits()));
+        assert_eq!(U32x8::of_bytes(bytes).to_array(), bytes.map(u32::from));
+        assert_eq!(lanes(F32x8::splat(0.1)), [0.1f32.to_bits(); 8]);
+    }
+}

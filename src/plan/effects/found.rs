@@ -2,8 +2,9 @@
 
 use super::asked::{Asked, Placed};
 use crate::plain::one_line;
-use crate::plan::options::{Roulette, TextureFilter};
-use crate::scene::{AlphaMode, Fact, Material, Projection, PunctualKind, TextureSlot};
+use crate::plan::aov::Gathers;
+use crate::plan::options::{Backfaces, Roulette, TextureFilter};
+use crate::scene::{AlphaMode, Fact, Facts, Material, Projection, PunctualKind, TextureSlot};
 
 /// The first placed mesh for which `asks` is true.
 fn first<'a>(asked: &Asked<'a>, asks: impl Fn(&Placed<'a>) -> bool) -> Option<Placed<'a>> {
@@ -152,6 +153,18 @@ pub fn coincident(asked: &Asked) -> Option<String> {
     Some(format!("of materials '{a}' and '{b}'"))
 }
 
+/// A material that loses light between facets, where that is given back.
+pub fn multiscatter(asked: &Asked) -> Option<String> {
+    first_material(asked, |placed| placed.facts.loses()).filter(|_| asked.options.multiscatter)
+}
+
+/// Materials whose backs rays pass.
+pub fn hidden_backs(asked: &Asked) -> Option<String> {
+    let backfaces = asked.options.backfaces;
+    let material = first_material(asked, |placed| placed.material.is_one_sided())?;
+    (backfaces != Backfaces::Show).then(|| format!("{}, {material}", backfaces.name()))
+}
+
 pub fn thin(asked: &Asked) -> Option<String> {
     first_with(asked, Fact::Thin)
 }
@@ -166,6 +179,7 @@ pub fn punctual(asked: &Asked) -> Option<String> {
     let lights = if asked.samples_lights() { &asked.scene.punctual[..] } else { &[] };
     let light = lights.iter().find(|light| light.intensity.max_element() > 0.0)?;
     let kind = match light.kind {
+        PunctualKind::Point if light.profile.is_some() => "photometric",
         PunctualKind::Point => "point",
         PunctualKind::Spot { .. } => "spot",
         PunctualKind::Directional => "directional",
@@ -190,8 +204,22 @@ pub fn per_length(asked: &Asked) -> Option<String> {
     wanted.then(|| "asked for".into())
 }
 
+pub fn light_groups(asked: &Asked) -> Option<String> {
+    asked.options.aovs.iter().any(|aov| aov.gathers() == Gathers::LightGroups).then(|| "asked for".into())
+}
+
+pub fn lobes(asked: &Asked) -> Option<String> {
+    let aov = asked.options.aovs.iter().find(|aov| matches!(aov.gathers(), Gathers::Scattered(_)))?;
+    Some(format!("channels '{}'", aov.name()))
+}
+
 pub fn first_hit(asked: &Asked) -> Option<String> {
     let aov = asked.options.aovs.iter().find(|aov| aov.is_of_first_hit())?;
+    Some(format!("channels '{}'", aov.name()))
+}
+
+pub fn followed(asked: &Asked) -> Option<String> {
+    let aov = asked.options.aovs.iter().find(|aov| matches!(aov.gathers(), Gathers::Followed(_)))?;
     Some(format!("channels '{}'", aov.name()))
 }
 
@@ -208,7 +236,19 @@ pub fn shutter(asked: &Asked) -> Option<String> {
         format!(", mesh '{}'", one_line(&mesh.name))
     });
     let (open_s, close_s, moving) = (shutter.open_s(), shutter.close_s(), motion.instances.len());
-    Some(format!("{open_s} s to {close_s} s; {moving} placements move{mesh}{camera}"))
+    let changing = asked.scene.meshes.iter().filter(|mesh| !mesh.later.is_empty()).count();
+    let shapes = if changing > 0 { format!(", {changing} meshes change their shape") } else { String::new() };
+    Some(format!("{open_s} s to {close_s} s; {moving} placements move{mesh}{shapes}{camera}"))
+}
+
+/// Whether a solid moves while the shutter is open, so that what is in it may change.
+pub fn moving_solid(asked: &Asked) -> bool {
+    let (scene, motion) = (asked.scene, &asked.scene.motion);
+    let solid = |index: usize| {
+        let material = &scene.materials[scene.material_of(&scene.instances[index]).index()];
+        Facts::with_textures(material, &scene.textures).has(Fact::Solid)
+    };
+    motion.shutter.is_some() && motion.instances.iter().any(|track| solid(track.index))
 }
 
 pub fn roulette(asked: &Asked) -> bool {

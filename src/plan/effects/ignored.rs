@@ -2,8 +2,11 @@
 
 use serde::Serialize;
 
-use super::asked::Asked;
+use super::asked::{Asked, Placed};
 use super::found;
+use crate::plain::one_line;
+use crate::plan::light_groups;
+use crate::plan::options::Backfaces;
 
 /// An effect that is not simulated, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -34,6 +37,19 @@ pub fn list(asked: &Asked) -> Vec<Ignored> {
     punctual(asked, &mut ignored);
     if asked.options.lens.is_some() && found::is_parallel(asked) {
         ignored.add("lens".into(), "an orthographic camera has no aperture");
+    }
+    for left_out in &asked.scene.left_out {
+        ignored.add(left_out.found.clone(), "left out (--without)");
+    }
+    for group in light_groups::unmatched(asked.scene, &asked.options.light_groups) {
+        ignored.add(format!("light group '{}={}'", group.name, group.pattern), "no lamp has such a name");
+    }
+    if asked.options.backfaces == Backfaces::Show {
+        let one_sided = |placed: &&Placed| placed.material.is_one_sided() && placed.mesh.is_open();
+        if let Some(placed) = asked.placed.iter().find(one_sided) {
+            let what = format!("one-sided-faces (material '{}')", one_line(&placed.material.name));
+            ignored.add(what, "both sides are seen; --backfaces hide lets camera rays pass backs");
+        }
     }
     ignored.0
 }

@@ -7,6 +7,7 @@ use super::bodies;
 use super::contacts::{self, Bounds};
 use super::lamps::drop_copied_lamps;
 use super::overlaps;
+use super::owners::Part;
 use super::placement::{NO_MATERIAL, Placement};
 use super::records::{Geometry, MeshRecords, Triangle, hit_error, is_degenerate};
 use crate::scene::{Fact, Facts, Instance, MaterialId, Mesh, Scene};
@@ -50,23 +51,33 @@ impl Geometry {
         for richness in
             [Attributes::Extras, Attributes::Tangents, Attributes::Uvs, Attributes::Normals, Attributes::None]
         {
-            for (instance, &baked) in scene.instances.iter().zip(&baked) {
+            for ((i, instance), &baked) in (0u32..).zip(&scene.instances).zip(&baked) {
                 let (mesh, id) = (&scene.meshes[instance.mesh.index()], scene.material_of(instance));
                 if baked && Attributes::laid_out(mesh, &scene.materials[id.index()]) == richness {
+                    world.parts.push(Part { first: world.records.len() as u32, instance: i });
                     geometry.bake(&mut world, (mesh, id), richness, &instance.world_from_object);
                 }
             }
             for (id, mesh) in scene.meshes.iter().enumerate() {
                 let material = &scene.materials[mesh.material.index()];
                 if is_instanced[id] && Attributes::laid_out(mesh, material) == richness {
-                    let mut records = MeshRecords::default();
+                    let keeps_all = !mesh.later.is_empty();
+                    let mut records = MeshRecords { keeps_all, ..MeshRecords::default() };
                     geometry.bake(&mut records, (mesh, mesh.material), richness, &Affine3A::IDENTITY);
+                    for shape in &mesh.later {
+                        let mut later = MeshRecords { keeps_all, ..MeshRecords::default() };
+                        let shaped = mesh.shaped(shape);
+                        geometry.bake(&mut later, (&shaped, mesh.material), richness, &Affine3A::IDENTITY);
+                        records.mesh.later.push(later.mesh.vertices);
+                        records.later.push(later.records);
+                    }
                     instanced.push((id as u32, records));
                 }
             }
         }
 
         geometry.dropped_lamps = drop_copied_lamps(&mut world, &scene.materials);
+        geometry.owners.baked = std::mem::take(&mut world.parts);
         geometry.append(world);
         let mut mesh_of = vec![0u32; scene.meshes.len()];
         for (id, records) in instanced {
@@ -74,14 +85,17 @@ impl Geometry {
             geometry.append(records);
         }
         let instances = scene.instances.iter().enumerate().zip(&baked).filter(|(_, baked)| !**baked);
-        let (moving, still): (Vec<_>, Vec<_>) =
-            instances.map(|((i, instance), _)| (instance, scene.motion.of_instance(i))).partition(|(_, t)| t.is_some());
-        for (instance, track) in still.into_iter().chain(moving) {
+        let (moving, still): (Vec<_>, Vec<_>) = instances
+            .map(|((i, instance), _)| (i, instance, scene.motion.of_instance(i)))
+            .partition(|(.., track)| track.is_some());
+        for (i, instance, track) in still.into_iter().chain(moving) {
+            geometry.owners.placed.push(i as u32);
             geometry.place(mesh_of[instance.mesh.index()], instance, track.map_or(&[], |track| &track.steps));
         }
         geometry.solids = bodies::find(&geometry, &scene.materials);
         geometry.coincident = overlaps::find(&geometry, &scene.materials);
         geometry.coincident.unsearched = !all_known;
+        geometry.coincident.moving = !moves_apart(scene);
         let world_vertices = &geometry.meshes[0].vertices;
         for index in geometry.meshes[0].indices.iter().flatten() {
             let p = world_vertices[*index as usize];
@@ -122,11 +136,14 @@ impl Geometry {
             let cross = (v1 - v0).as_dvec3().cross((v2 - v0).as_dvec3());
             let exact = (v1.as_dvec3() - v0.as_dvec3()).cross(v2.as_dvec3() - v0.as_dvec3());
             let twice_area = exact.length();
+            let mut n_g = (exact / twice_area).as_vec3();
             if is_degenerate(&[v0, v1, v2]) || !(twice_area.is_finite() && cross.length() > 0.0) {
-                self.dropped_degenerate += 1;
-                continue;
+                if !out.keeps_all {
+                    self.dropped_degenerate += 1;
+                    continue;
+                }
+                n_g = Vec3::Z;
             }
-            let n_g = (exact / twice_area).as_vec3();
             let attributes = self.push_attributes(mesh, richness, corner, n_g, &normal_matrix);
             out.mesh.indices.push(corner.map(|i| base + i));
             out.records.push(Triangle {
@@ -145,7 +162,11 @@ impl Geometry {
     fn append(&mut self, mut records: MeshRecords) {
         records.mesh.first_triangle = self.triangles.len() as u32;
         records.mesh.vertices.push(Vec3::ZERO);
+        records.mesh.later.iter_mut().for_each(|shape| shape.push(Vec3::ZERO));
         self.triangles.append(&mut records.records);
+        let triangles = records.later.first().map_or(0, Vec::len);
+        self.deforming.push(self.meshes.len(), records.later.len(), triangles);
+        records.later.iter_mut().for_each(|shape| self.later.append(shape));
         self.meshes.push(records.mesh);
     }
 
@@ -162,32 +183,67 @@ impl Geometry {
 
     /// Makes the bounds hold a mesh at this place.
     fn cover(&mut self, mesh: u32, world_from_object: &Affine3A) {
-        for index in self.meshes[mesh as usize].indices.iter().flatten() {
-            let p = world_from_object.transform_point3(self.meshes[mesh as usize].vertices[*index as usize]);
-            self.bounds = (self.bounds.0.min(p), self.bounds.1.max(p));
+        let mesh = &self.meshes[mesh as usize];
+        for shape in std::iter::once(&mesh.vertices).chain(&mesh.later) {
+            for index in mesh.indices.iter().flatten() {
+                let p = world_from_object.transform_point3(shape[*index as usize]);
+                self.bounds = (self.bounds.0.min(p), self.bounds.1.max(p));
+            }
         }
     }
 }
 
 /// Bakes placements at rest that would stay instanced where their faces lie on those of others and it matters which of
-/// them is met: two faces that look one way, or one that lets light pass. Returns whether all such are known and baked.
+/// them is met. Returns whether all such are known and baked.
 fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
     let at_rest: Vec<bool> = (0..baked.len()).map(|i| scene.motion.of_instance(i).is_none()).collect();
     let instanced: Vec<bool> = baked.iter().zip(&at_rest).map(|(&baked, &at_rest)| at_rest && !baked).collect();
-    if !instanced.contains(&true) {
-        return true;
+    let Some(found) = contacts_of(scene, &at_rest, &instanced) else { return false };
+    let (mut all_known, mut left) = (found.all_seen, BAKE_TRIANGLE_BUDGET);
+    for of in found.pairs.into_iter().flatten() {
+        if baked[of] {
+            continue;
+        }
+        let cost = scene.meshes[scene.instances[of].mesh.index()].triangles.len() as u64;
+        match left.checked_sub(cost) {
+            Some(rest) => (left, baked[of]) = (rest, true),
+            None => all_known = false,
+        }
+    }
+    all_known
+}
+
+/// Whether placements that move have no faces on those of others that move, as far as can be told when the shutter
+/// opens, or it does not matter which of them is met.
+fn moves_apart(scene: &Scene) -> bool {
+    let moving: Vec<bool> = (0..scene.instances.len()).map(|i| scene.motion.of_instance(i).is_some()).collect();
+    contacts_of(scene, &moving, &moving).is_some_and(|found| found.all_seen && found.pairs.is_empty())
+}
+
+/// Placements with faces that lie on one another.
+struct Contacts {
+    /// Once for each two faces, where it matters which of them is met: they look one way, or one lets light pass.
+    pairs: Vec<[usize; 2]>,
+    /// Whether all were looked at.
+    all_seen: bool,
+}
+
+/// What lies on what among some placements, in pairs of which one is `asked` for; `None` where there are too many.
+fn contacts_of(scene: &Scene, among: &[bool], asked: &[bool]) -> Option<Contacts> {
+    if !asked.contains(&true) {
+        return Some(Contacts { pairs: Vec::new(), all_seen: true });
     }
     let nowhere = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let grow = |(low, high): Bounds, &p: &Vec3| (low.min(p), high.max(p));
     let bounds: Vec<Bounds> = scene.meshes.iter().map(|mesh| mesh.positions.iter().fold(nowhere, grow)).collect();
-    let boxes: Vec<Bounds> = (scene.instances.iter().zip(&at_rest))
-        .map(|(instance, &at_rest)| {
+    let boxes: Vec<Bounds> = (scene.instances.iter().zip(among))
+        .map(|(instance, &among)| {
             let bounds = bounds[instance.mesh.index()];
-            let somewhere = at_rest && bounds.0.x <= bounds.1.x;
+            let somewhere = among && bounds.0.x <= bounds.1.x;
             if somewhere { contacts::placed(bounds, &instance.world_from_object) } else { nowhere }
         })
         .collect();
-    let Some(reached) = contacts::reached(&boxes, &instanced) else { return false };
+    let reached = contacts::reached(&boxes, asked)?;
 
     // What lies near others, placed, and whose it is.
     let (mut near, mut owners, mut looks) = (MeshRecords::default(), Vec::new(), MOST_CONTACT_LOOKS);
@@ -216,28 +272,18 @@ fn bake_contacts(scene: &Scene, baked: &mut [bool]) -> bool {
         let facts = Facts::of(&scene.materials[triangle.material as usize]);
         facts.transmits() || facts.has(Fact::Uncovered)
     };
-    let (mut all_known, mut left) = (all_seen && !found.crowded(), BAKE_TRIANGLE_BUDGET);
+    let mut pairs = Vec::new();
     for &record in found.records() {
         for &partner in found.of(record).all {
             let [a, b] = [record, partner].map(|record| &geometry.triangles[record as usize]);
             let one_way = Vec3::from(a.n_g).dot(Vec3::from(b.n_g)) > 0.0;
             let owners = [record, partner].map(|record| owners[record as usize]);
-            if owners[0] == owners[1] || !(one_way || passes(a) || passes(b)) {
-                continue;
-            }
-            for of in owners {
-                if baked[of] {
-                    continue;
-                }
-                let cost = triangles(of) as u64;
-                match left.checked_sub(cost) {
-                    Some(rest) => (left, baked[of]) = (rest, true),
-                    None => all_known = false,
-                }
+            if owners[0] != owners[1] && (one_way || passes(a) || passes(b)) {
+                pairs.push(owners);
             }
         }
     }
-    all_known
+    Some(Contacts { pairs, all_seen: all_seen && !found.crowded() })
 }
 
 /// How many emissive triangles repeat others: what [`Geometry::dropped_lamps`] will be.

@@ -23,6 +23,8 @@ pub struct Coincident {
     pub(super) crowded: bool,
     /// Whether those between instanced placements were not all looked for.
     pub(super) unsearched: bool,
+    /// Whether placements that move have faces that lie on those of others that move.
+    pub(super) moving: bool,
 }
 
 /// The triangles on one, by what a ray that meets it in front, or from behind, may meet in its place.
@@ -46,6 +48,11 @@ impl Coincident {
     /// Whether there may be some between instanced placements, which were too many to be looked at.
     pub fn unsearched(&self) -> bool {
         self.unsearched
+    }
+
+    /// Whether there are some between placements that move; they are not among those that are known.
+    pub fn moving(&self) -> bool {
+        self.moving
     }
 
     /// Whether planes were so crowded that some may have been missed.

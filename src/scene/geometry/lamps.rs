@@ -25,6 +25,12 @@ pub(super) fn drop_copied_lamps(world: &mut MeshRecords, materials: &[Material])
             }
         })
         .collect();
+    // Where placements begin moves with what is left out before.
+    let (mut counted, mut left) = (0, 0);
+    for part in &mut world.parts {
+        left += keep[counted..part.first as usize].iter().filter(|kept| **kept).count() as u32;
+        (counted, part.first) = (part.first as usize, left);
+    }
     let mut kept = keep.iter();
     world.mesh.indices.retain(|_| *kept.next().expect("a verdict each"));
     let mut kept = keep.iter();

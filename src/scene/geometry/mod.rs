@@ -5,19 +5,25 @@
 
 mod attributes;
 mod bake;
+mod between;
 mod bodies;
 mod coincident;
 mod contacts;
+mod deforming;
 mod lamps;
 mod overlaps;
+mod owners;
 mod placement;
 mod records;
 mod solids;
 
 pub(crate) use bake::copied_lamps;
 pub use bake::{BAKE_MESH_TRIANGLES, BAKE_TRIANGLE_BUDGET};
+pub use between::Between;
 pub use coincident::{Coincident, Partners};
+pub use deforming::Deforming;
 pub(crate) use overlaps::corners;
+pub use owners::Owners;
 pub use placement::{Moving, NO_MATERIAL, Placement};
 pub use records::{Geometry, NO_ATTRIBUTES, Triangle, TriangleMesh};
 pub(crate) use records::{LARGEST_COORDINATE_M, is_degenerate};

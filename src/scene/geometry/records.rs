@@ -4,6 +4,8 @@
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 
 use super::coincident::Coincident;
+use super::deforming::Deforming;
+use super::owners::{Owners, Part};
 use super::placement::{Moving, NO_MATERIAL, Placement};
 use super::solids::Solids;
 use crate::math::float;
@@ -81,6 +83,9 @@ pub struct TriangleMesh {
     pub indices: Vec<[u32; 3]>,
     /// Index of this mesh's first record in [`Geometry::triangles`].
     pub first_triangle: u32,
+    /// The vertices at equal intervals until the shutter closes, after those above; none where the mesh keeps its
+    /// shape. Only meshes that instances place have them.
+    pub later: Vec<Vec<Vec3>>,
 }
 
 impl TriangleMesh {
@@ -89,6 +94,22 @@ impl TriangleMesh {
         let corner = |i: u32| self.vertices.get(i as usize).copied().unwrap_or(Vec3::NAN);
         let all = (0u32..).zip(&self.indices).map(move |(prim, triangle)| (prim, triangle.map(corner)));
         all.filter(|(_, corners)| !is_degenerate(corners))
+    }
+
+    /// The triangles of a mesh that changes its shape, with their corners in each. One without area as the shutter
+    /// opens may have one later.
+    pub(crate) fn traced_moving(&self) -> impl Iterator<Item = (u32, Vec<[Vec3; 3]>)> {
+        let shapes = move || std::iter::once(&self.vertices).chain(&self.later);
+        (0u32..).zip(&self.indices).filter_map(move |(prim, triangle)| {
+            let corner = |shape: &Vec<Vec3>| {
+                let at =
+                    |i: u32| shape.get(i as usize).copied().filter(|p| p.abs().max_element() <= LARGEST_COORDINATE_M);
+                let [a, b, c] = triangle.map(at);
+                Some([a?, b?, c?])
+            };
+            let corners: Vec<[Vec3; 3]> = shapes().map(corner).collect::<Option<_>>()?;
+            Some((prim, corners))
+        })
     }
 }
 
@@ -101,6 +122,10 @@ pub struct Geometry {
     pub instances: Vec<Placement>,
     /// Where the last of them are over the shutter; empty in a scene at rest.
     pub moving: Moving,
+    /// Which meshes change their shape over the shutter; empty where none does.
+    pub deforming: Deforming,
+    /// One record per triangle of their later shapes.
+    pub later: Vec<Triangle>,
     /// One record per triangle of every mesh.
     pub triangles: Vec<Triangle>,
     /// Unit normals at the corners of the triangles that have attributes. Triangles with tangents come first, then
@@ -122,6 +147,8 @@ pub struct Geometry {
     pub dropped_degenerate: usize,
     /// Bodies of materials that have an inside.
     pub solids: Solids,
+    /// Which placements the triangles belong to.
+    pub owners: Owners,
     /// Triangles that lie on one another.
     pub coincident: Coincident,
     /// Emissive triangles that were left out because another one has the same corners and faces the same way.
@@ -180,4 +207,10 @@ pub(super) struct MeshRecords {
     pub(super) mesh: TriangleMesh,
     /// One a triangle of `mesh`.
     pub(super) records: Vec<Triangle>,
+    /// The same in each later shape.
+    pub(super) later: Vec<Vec<Triangle>>,
+    /// Whether triangles without area stay: in another shape they have one.
+    pub(super) keeps_all: bool,
+    /// Whose they are, in the world mesh.
+    pub(super) parts: Vec<Part>,
 }

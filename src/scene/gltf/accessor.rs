@@ -173,6 +173,11 @@ impl<'d> Accessor<'d> {
     /// The first `N` components of element `element`; missing components are 0.
     pub(super) fn vector<const N: usize>(&self, element: usize) -> [f32; N] {
         let Some(bytes) = self.element(element) else { return [0.0; N] };
+        if self.kind == ComponentType::F32 {
+            // Without dividing by a size that is known here.
+            let words = bytes.as_chunks().0;
+            return std::array::from_fn(|i| words.get(i).map_or(0.0, |&word| f32::from_le_bytes(word)));
+        }
         let mut components =
             bytes.chunks_exact(self.kind.size()).map(|bytes| component(bytes, self.kind, self.normalized));
         std::array::from_fn(|_| components.next().unwrap_or(0.0))

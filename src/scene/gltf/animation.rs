@@ -35,6 +35,8 @@ pub(super) struct Animations<'d> {
     nodes: HashMap<usize, Vec<Channel<'d>>>,
     /// Those of morph weights, at most one a node.
     weights: HashMap<usize, Vec<Channel<'d>>>,
+    /// The first animation that drives what a later one drives as well.
+    shared: Option<usize>,
 }
 
 /// Drives one property of a node.
@@ -96,6 +98,11 @@ impl<'d> Animations<'d> {
                 }
             }
         }
+        if let Some(first) = animations.shared {
+            let runs = &spans(document)?[first].name;
+            let what = format!("several drive the same nodes, of which {runs} runs; --animation NAME runs another");
+            document.warn("/animations", what);
+        }
         Ok(animations)
     }
 
@@ -110,10 +117,8 @@ impl<'d> Animations<'d> {
                 let problem = format!("expected a target of its own, found that of {}", other.pointer);
                 return Err(document.error(format!("{}/target", channel.pointer), problem));
             }
-            Some(other) => document.warn(
-                format!("{}/target", channel.pointer),
-                format!("is already driven by {}; this channel is ignored", other.pointer),
-            ),
+            // The earlier one runs.
+            Some(other) => self.shared = Some(self.shared.map_or(other.animation, |first| first.min(other.animation))),
         }
         Ok(())
     }

@@ -150,6 +150,9 @@ impl Document {
         if let Some(kind) = foreign(&bytes) {
             return Err(invalid("/", format!("expected a glTF file (.gltf or .glb), found {kind}")));
         }
+        if bytes.is_empty() {
+            return Err(invalid("/", "expected a glTF file (.gltf or .glb), found an empty file".into()));
+        }
         if named_glb && !is_glb {
             let found = &bytes[..bytes.len().min(4)];
             return Err(invalid("/", format!("expected the GLB magic `glTF`, found `{}`", found.escape_ascii())));

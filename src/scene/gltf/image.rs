@@ -19,7 +19,7 @@ use super::ext::khr_texture_basisu;
 use super::uri::Resource;
 use crate::error::Result;
 use crate::plain::one_line;
-use crate::texture::decode::{Decoder, Encoded, Image as DecodedImage, Problem};
+use crate::texture::decode::{Decoder, Encoded, Image as DecodedImage, Problem, decode_any, inspect};
 use crate::texture::load::{self as loading, Loaded};
 use crate::texture::udim::{self, Udim};
 
@@ -236,6 +236,35 @@ fn sources<'d>(
         return Ok(vec![(0, Err(format!("cannot read {name}: none of the numbers 1001 to 1100 is there")))]);
     }
     Ok(pages)
+}
+
+/// Decodes all of an image that is read for `what`, whatever its size and whether missing textures are errors.
+pub(super) fn decode_whole(
+    document: &Document,
+    index: usize,
+    options: &LoadOptions,
+    what: &str,
+) -> Result<DecodedImage> {
+    let pointer = format!("/images/{index}");
+    let fails = |problem: String| document.error(&pointer, format!("{problem} ({what})"));
+    let (_, source) = sources(document, index, options)?.swap_remove(0);
+    let source = source.map_err(fails)?;
+    let encoded = match &source {
+        Source::File(path) => Encoded::File(path),
+        Source::Borrowed(bytes) => Encoded::Bytes(bytes),
+        Source::Shared(bytes) => Encoded::Bytes(bytes),
+    };
+    let found = |problem| match problem {
+        Problem::Image(problem) => fails(problem),
+        Problem::Machine(error) => error,
+    };
+    let budget = options.texture_budget;
+    let size = inspect(encoded, budget.decoder).map_err(found)?;
+    if size.bytes > budget.bytes {
+        let (bytes, most) = (size.bytes >> 20, budget.bytes >> 20);
+        return Err(fails(format!("expected an image that fits into --texture-memory ({most} MB), found {bytes} MB")));
+    }
+    decode_any(encoded, budget.decoder).map_err(found)
 }
 
 /// A texture from its pages.

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Members that the `gltf` crate reads as 32-bit numbers by dropping the upper half.
 const NARROW_MEMBERS: &[&str] = &[
@@ -62,7 +62,8 @@ pub(super) fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
-/// Drops `extras` (the crate cannot read them inside extensions; those of scenes are kept), makes integers of integral
+/// Drops `extras` (the crate cannot read them inside extensions; those of scenes and the light groups of nodes are
+/// kept), makes integers of integral
 /// numbers (4.0 is a count like 4, glTF 2.0 §2.7), and saturates numbers that the crate would wrap: index 2³² must
 /// not become index 0.
 pub(super) fn normalise_root(root: &mut Value) {
@@ -75,6 +76,15 @@ pub(super) fn normalise_root(root: &mut Value) {
                         ("extras", Some(render)) => normalise(render),
                         ("extras", None) => {}
                         _ => normalise(member),
+                    }
+                }
+            }
+            Value::Array(nodes) if name == "nodes" => {
+                for node in nodes {
+                    let group = node.pointer_mut("/extras/lightgroup").map(Value::take);
+                    normalise(node);
+                    if let (Some(group), Value::Object(members)) = (group, node) {
+                        members.insert("extras".into(), json!({ "lightgroup": group }));
                     }
                 }
             }

@@ -2,10 +2,11 @@
 //!
 //! Source: glTF 2.0 §3.7. Missing normals mean flat shading; tangents are kept only under a normal map and computed by
 //! MikkTSpace where the file has none. Non-finite positions are errors; triangles without area are dropped and counted.
-//! Texture coordinates come by channel (`uv`). Limits: COLOR_0 alone of the vertex colours; morph targets (`morph`) and
-//! skins (`skin`) are posed once.
+//! Texture coordinates come by channel (`uv`). Limits: COLOR_0 alone of the vertex colours; of
+//! those that morph targets displace while the shutter is open, positions, normals and tangents alone change.
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use gltf::json::Index;
@@ -13,8 +14,9 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
 use super::super::geometry::{LARGEST_COORDINATE_M, is_degenerate};
-use super::super::{Dropped, MaterialId, Mesh};
+use super::super::{Dropped, MaterialId, Mesh, Shape};
 use super::accessor::Accessor;
+use super::changing::{self, Pose, Poses};
 use super::document::Document;
 use super::ext;
 #[cfg(feature = "draco")]
@@ -26,21 +28,23 @@ use super::uv::UvChannel;
 use super::{tangent, topology};
 use crate::error::Result;
 
-/// Reads one primitive; `None` if nothing with an area is left of it.
+/// Reads one primitive, and how far its vertices are from the straight lines between its shapes, metres; `None` if
+/// nothing with an area is left of it.
 pub(super) fn read(
     document: &Document,
     primitive: &Primitive,
     place: Place<'_>,
     materials: &mut MaterialTable,
     dropped: &mut Dropped,
-) -> Result<Option<Mesh>> {
+) -> Result<Option<(Mesh, f64)>> {
     let mut reader = Reader {
         document,
         pointer: place.pointer,
         attributes: &primitive.attributes,
         #[cfg(feature = "draco")]
-        decoded: khr_draco_mesh_compression::decode(document, place.pointer)?,
+        decoded: khr_draco_mesh_compression::decode(document, place.pointer)?.map(Rc::new),
         morph: Morph::default(),
+        is_later: false,
     };
     reader.warn_ignored();
     let Some(positions) = reader.optional(Semantic::Positions, "POSITION", &[3])? else {
@@ -79,12 +83,31 @@ pub(super) fn read(
         skin::moved(matrices.get(number).copied().flatten(), Vec3::from_array(modelled))
     };
     let mut points: Vec<Vec3> = topology.vertices.iter().enumerate().map(point).collect();
-    if let Some((point, vertex)) = points.iter().zip(&topology.vertices).find(|(point, _)| !point.is_finite()) {
-        let problem = format!("expected finite positions, found {point} at element {vertex}");
-        return Err(document.error(&positions.pointer, problem));
+    let source = Source { document, pointer: place.pointer, positions: &positions, influences: &influences };
+    let (looks, off) = match place.poses {
+        None => (Vec::new(), 0.0),
+        Some(poses) => changing::looks(topology.vertices.len(), topology.triangles.len(), |look, some| {
+            let some: Vec<u32> = some.iter().map(|&number| topology.vertices[number]).collect();
+            let pose = poses.at(look)?;
+            source.posed(&pose, &some)
+        })?,
+    };
+    document.charge(looks.len().saturating_mul(topology.triangles.len()), place.pointer)?;
+    let of_looks = place.poses.iter().flat_map(|poses| looks.iter().map(|&look| poses.at(look)));
+    let poses: Vec<Rc<Pose>> = of_looks.collect::<Result<_>>()?;
+    let mut later: Vec<Vec<Vec3>> =
+        poses.iter().map(|pose| source.posed(pose, &topology.vertices)).collect::<Result<_>>()?;
+    for shape in std::iter::once(&points).chain(&later) {
+        if let Some((point, vertex)) = shape.iter().zip(&topology.vertices).find(|(point, _)| !point.is_finite()) {
+            let problem = format!("expected finite positions, found {point} at element {vertex}");
+            return Err(document.error(&positions.pointer, problem));
+        }
     }
     let all = topology.triangles.len();
-    topology.triangles.retain(|triangle| has_area(triangle.map(|corner| points[corner as usize])));
+    topology.triangles.retain(|triangle| {
+        let has_area_in = |shape: &Vec<Vec3>| has_area(triangle.map(|corner| shape[corner as usize]));
+        has_area_in(&points) || later.iter().any(has_area_in)
+    });
     dropped.degenerate_triangles += all - topology.triangles.len();
     if topology.triangles.is_empty() {
         return Ok(None);
@@ -93,7 +116,9 @@ pub(super) fn read(
     if topology.triangles.len() < all {
         let kept = topology::compact(&mut topology.triangles);
         topology.vertices = kept.iter().map(|&vertex| topology.vertices[vertex as usize]).collect();
-        points = kept.iter().map(|&vertex| points[vertex as usize]).collect();
+        for shape in std::iter::once(&mut points).chain(&mut later) {
+            *shape = kept.iter().map(|&vertex| shape[vertex as usize]).collect();
+        }
         matrices = kept.iter().filter_map(|&vertex| matrices.get(vertex as usize).copied()).collect();
     }
     let (vertices, triangles) = (topology.vertices, topology.triangles);
@@ -106,9 +131,9 @@ pub(super) fn read(
         ..Mesh::default()
     };
     mesh.normals = reader.normals(&vertices, positions.count, &mesh)?;
-    for (normal, matrix) in mesh.normals.iter_mut().flatten().zip(&matrices) {
-        let turned = matrix.map(|matrix| matrix.matrix3.inverse().transpose() * normal.as_dvec3());
-        *normal = turned.and_then(DVec3::try_normalize).map_or(*normal, |turned| turned.as_vec3());
+    turn_normals(&mut mesh.normals, &matrices);
+    for (pose, points) in poses.iter().zip(later) {
+        mesh.later.push(reader.shape(pose, points, (&vertices, positions.count), &influences, &mesh)?);
     }
     reader.channels(&vertices, positions.count, &mut mesh, materials)?;
     mesh.colors = reader.colors(&vertices, positions.count)?;
@@ -133,10 +158,13 @@ pub(super) fn read(
             let given = if usable { reader.tangents(&vertices, positions.count)? } else { None };
             match given {
                 Some(mut tangents) => {
-                    for (tangent, matrix) in tangents.iter_mut().zip(&matrices) {
-                        let turned = matrix.map(|matrix| matrix.matrix3 * tangent.truncate().as_dvec3());
-                        let turned = turned.and_then(DVec3::try_normalize);
-                        *tangent = turned.map_or(*tangent, |turned| turned.as_vec3().extend(tangent.w));
+                    turn_tangents(&mut tangents, &matrices);
+                    for (pose, shape) in poses.iter().zip(&mut mesh.later) {
+                        let posed = reader.in_pose(pose, &vertices)?;
+                        // One that has no direction any more stays as it was.
+                        let mut later = posed.tangents(&vertices, positions.count)?.unwrap_or_else(|| tangents.clone());
+                        turn_tangents(&mut later, &matrices_of(pose, &influences, &vertices));
+                        shape.tangents = Some(later);
                     }
                     mesh.tangents = Some(tangents);
                 }
@@ -149,7 +177,53 @@ pub(super) fn read(
             }
         }
     }
-    Ok(Some(mesh))
+    Ok(Some((mesh, off)))
+}
+
+/// What moves each vertex; empty without a skin.
+fn matrices_of(pose: &Pose, influences: &[Influences], vertices: &[u32]) -> Vec<Option<DAffine3>> {
+    let posed = |skin: &Skin| vertices.iter().map(|&vertex| skin.matrix(influences, vertex)).collect();
+    pose.skin.as_ref().map_or_else(Vec::new, posed)
+}
+
+fn turn_normals(normals: &mut Option<Vec<Vec3>>, matrices: &[Option<DAffine3>]) {
+    for (normal, matrix) in normals.iter_mut().flatten().zip(matrices) {
+        let turned = matrix.map(|matrix| matrix.matrix3.inverse().transpose() * normal.as_dvec3());
+        *normal = turned.and_then(DVec3::try_normalize).map_or(*normal, |turned| turned.as_vec3());
+    }
+}
+
+fn turn_tangents(tangents: &mut [Vec4], matrices: &[Option<DAffine3>]) {
+    for (tangent, matrix) in tangents.iter_mut().zip(matrices) {
+        let turned = matrix.map(|matrix| matrix.matrix3 * tangent.truncate().as_dvec3());
+        let turned = turned.and_then(DVec3::try_normalize);
+        *tangent = turned.map_or(*tangent, |turned| turned.as_vec3().extend(tangent.w));
+    }
+}
+
+/// What positions of a primitive follow from.
+struct Source<'s, 'd> {
+    document: &'d Document,
+    /// `/meshes/N/primitives/M`.
+    pointer: &'s str,
+    positions: &'s Accessor<'d>,
+    influences: &'s [Influences<'d>],
+}
+
+impl Source<'_, '_> {
+    /// Where some of the vertices are in a pose.
+    fn posed(&self, pose: &Pose, vertices: &[u32]) -> Result<Vec<Vec3>> {
+        let morph = Morph::read(self.document, self.pointer, &pose.weights, vertices.len())?;
+        let displaced = morph.of(self.document, "POSITION", self.positions.count)?;
+        let at = |&vertex: &u32| {
+            let modelled = Vec3::from_array(displaced.applied(vertex, self.positions.vector(vertex as usize)));
+            match &pose.skin {
+                Some(skin) => skin::moved(skin.matrix(self.influences, vertex), modelled),
+                None => modelled,
+            }
+        };
+        Ok(vertices.iter().map(at).collect())
+    }
 }
 
 /// Where a primitive stands in the file.
@@ -162,6 +236,8 @@ pub(super) struct Place<'p> {
     pub(super) skin: Option<&'p Skin>,
     /// Of its morph targets.
     pub(super) weights: &'p [f64],
+    /// What poses it while the shutter is open, if that moves.
+    pub(super) poses: Option<&'p Poses<'p>>,
 }
 
 /// Whether a triangle's area is positive and finite as `f32`, which is what light sampling divides by.
@@ -178,13 +254,43 @@ struct Reader<'d> {
     pointer: &'d str,
     attributes: &'d BTreeMap<Checked<Semantic>, Index<gltf::json::Accessor>>,
     #[cfg(feature = "draco")]
-    decoded: Option<khr_draco_mesh_compression::Decoded>,
+    decoded: Option<Rc<khr_draco_mesh_compression::Decoded>>,
     morph: Morph,
+    /// Whether a shape after the first is read, of which nothing is said that was said of that.
+    is_later: bool,
 }
 
 impl<'d> Reader<'d> {
     fn at(&self, member: &str) -> String {
         format!("{}/{member}", self.pointer)
+    }
+
+    /// The same of another pose.
+    fn in_pose(&self, pose: &Pose, vertices: &[u32]) -> Result<Reader<'d>> {
+        let morph = Morph::read(self.document, self.pointer, &pose.weights, vertices.len())?;
+        Ok(Reader {
+            document: self.document,
+            pointer: self.pointer,
+            attributes: self.attributes,
+            #[cfg(feature = "draco")]
+            decoded: self.decoded.clone(),
+            morph,
+            is_later: true,
+        })
+    }
+
+    /// The shape of `mesh`, a mesh of these vertices, whose positions are `points`, in a pose; without tangents.
+    fn shape(
+        &self,
+        pose: &Pose,
+        points: Vec<Vec3>,
+        (vertices, count): (&[u32], usize),
+        influences: &[Influences],
+        mesh: &Mesh,
+    ) -> Result<Shape> {
+        let mut normals = self.in_pose(pose, vertices)?.normals(vertices, count, mesh)?;
+        turn_normals(&mut normals, &matrices_of(pose, influences, vertices));
+        Ok(Shape { positions: points, normals, tangents: None })
     }
 
     fn optional(&self, semantic: Semantic, name: &str, components: &[usize]) -> Result<Option<Accessor<'d>>> {
@@ -262,8 +368,7 @@ impl<'d> Reader<'d> {
         let invalid = read.iter().filter(|normal| normal.is_none()).count();
         let mut normals: Vec<DVec3> = read.iter().map(|normal| normal.unwrap_or(DVec3::ZERO)).collect();
         if invalid > 0 {
-            self.document
-                .warn(&accessor.pointer, format!("{invalid} normals have no direction; those of the surface are used"));
+            self.warn(&accessor, format!("{invalid} normals have no direction; those of the surface are used"));
             for triangle in &mesh.triangles {
                 let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].as_dvec3());
                 let weighted = (b - a).cross(c - a);
@@ -286,12 +391,12 @@ impl<'d> Reader<'d> {
         let mut read = Vec::new();
         for channel in channels {
             let uvs = self.uvs(vertices, count, channel.set)?;
-            if uvs.is_none() && material.reads_textures() {
-                let what = format!("has no TEXCOORD_{}; textures of \"{}\" that read it", channel.set, material.name);
-                let fate = if channels.len() == 1 { "are ignored" } else { "are read at (0, 0)" };
-                self.document.warn(self.pointer, format!("{what} {fate}"));
-            }
             read.push(uvs.map(|uvs| uvs.into_iter().map(|uv| channel.apply(uv)).collect::<Vec<Vec2>>()));
+        }
+        let fate = if read.iter().any(Option::is_some) { "are read at (0, 0)" } else { "are ignored" };
+        for (channel, _) in channels.iter().zip(&read).filter(|(_, uvs)| uvs.is_none() && material.reads_textures()) {
+            let what = format!("has no TEXCOORD_{}; textures of \"{}\" that read it", channel.set, material.name);
+            self.document.warn(self.pointer, format!("{what} {fate}"));
         }
         if read.iter().any(Option::is_some) {
             let at_zero = || vec![channels[0].apply(Vec2::ZERO); vertices.len()];
@@ -335,7 +440,7 @@ impl<'d> Reader<'d> {
         };
         let tangents: Option<Vec<Vec4>> = vertices.iter().map(unit).collect();
         if tangents.is_none() {
-            self.document.warn(&accessor.pointer, "has tangents without direction; all are computed anew");
+            self.warn(&accessor, "has tangents without direction; all are computed anew".into());
         }
         Ok(tangents)
     }
@@ -362,6 +467,13 @@ impl<'d> Reader<'d> {
             self.document.warn(&accessor.pointer, problem);
         }
         Ok(colors.iter().any(|color| *color != Vec4::ONE).then_some(colors))
+    }
+
+    /// Says something of an attribute, once.
+    fn warn(&self, accessor: &Accessor, what: String) {
+        if !self.is_later {
+            self.document.warn(&accessor.pointer, what);
+        }
     }
 
     fn warn_ignored(&self) {

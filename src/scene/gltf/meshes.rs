@@ -5,9 +5,12 @@ use std::collections::{HashMap, HashSet};
 
 use serde_json::Value;
 
+use super::super::motion::Off;
 use super::super::{Dropped, MaterialId, Mesh, MeshId};
+use super::changing::Poses;
 use super::document::Document;
 use super::ext::khr_materials_variants;
+use super::json::one_line;
 use super::material::MaterialTable;
 use super::mesh;
 use super::morph;
@@ -21,6 +24,8 @@ pub(super) struct Meshes {
     of_form: HashMap<Form, Vec<Shown>>,
     /// The form in which each node shows its mesh.
     forms: Vec<Option<Form>>,
+    /// The mesh whose vertices are furthest from the straight lines between its shapes.
+    pub(super) off: Option<Off>,
 }
 
 /// A mesh and what it is made of, if that is not its own material.
@@ -72,7 +77,7 @@ struct Form {
     mesh: usize,
     /// Index into `/skins`.
     skin: Option<usize>,
-    /// Bits of the morph weights; none where nothing is displaced.
+    /// Bits of the morph weights, none where nothing is displaced; of those that change, at each time as well.
     weights: Vec<u64>,
 }
 
@@ -99,7 +104,7 @@ pub(super) fn read(
     materials: &mut MaterialTable,
     dropped: &mut Dropped,
 ) -> Result<Meshes> {
-    let mut meshes = Meshes { list: Vec::new(), of_form: HashMap::new(), forms: Vec::new() };
+    let mut meshes = Meshes { list: Vec::new(), of_form: HashMap::new(), forms: Vec::new(), off: None };
     let mut shapes = Shapes::default();
     for node in &nodes.placed {
         let Some(index) = node.mesh else {
@@ -107,7 +112,8 @@ pub(super) fn read(
             continue;
         };
         let weights = morph::weights(document, node.weights.as_deref(), index)?;
-        let bits = weights.iter().map(|weight| weight.to_bits()).collect();
+        let later = node.morphs.iter().flat_map(|morphs| morphs.iter().flatten());
+        let bits = weights.iter().chain(later).map(|weight| weight.to_bits()).collect();
         let form = Form { mesh: index, skin: node.skin, weights: bits };
         meshes.forms.push(Some(form.clone()));
         if meshes.of_form.contains_key(&form) {
@@ -115,7 +121,9 @@ pub(super) fn read(
         }
         let source: gltf::json::Mesh = document.element("meshes", index, &format!("{}/mesh", node.pointer))?;
         let name = source.name.clone().unwrap_or_else(|| format!("mesh {index}"));
-        let skin = node.skin.map(|skin| Skin::read(document, skin, &nodes.worlds)).transpose()?;
+        let world = |joint: usize| nodes.worlds.get(&joint).copied();
+        let skin = node.skin.map(|skin| Skin::read(document, skin, &world)).transpose()?;
+        let poses = Poses::of(document, node, nodes, &weights);
         let mut shown = Vec::with_capacity(source.primitives.len());
         for (place, primitive) in source.primitives.iter().enumerate() {
             let pointer = format!("/meshes/{index}/primitives/{place}");
@@ -127,8 +135,12 @@ pub(super) fn read(
                 continue;
             }
             let name = format!("{name}/primitive {place}");
-            let place = mesh::Place { pointer: &pointer, name, skin: skin.as_ref(), weights: &weights };
-            if let Some(mesh) = mesh::read(document, primitive, place, materials, dropped)? {
+            let (skin, poses) = (skin.as_ref(), poses.as_ref());
+            let place = mesh::Place { pointer: &pointer, name, skin, weights: &weights, poses };
+            if let Some((mesh, distance_m)) = mesh::read(document, primitive, place, materials, dropped)? {
+                if distance_m > meshes.off.as_ref().map_or(0.0, |worst| worst.distance_m) {
+                    meshes.off = Some(Off { name: one_line(&mesh.name), distance_m });
+                }
                 let id = MeshId(meshes.list.len() as u32);
                 shapes.0.entry(shape).or_default().push((id, material));
                 shown.push(Shown { mesh: id, material: None });
@@ -138,10 +150,10 @@ pub(super) fn read(
         meshes.of_form.insert(form, shown);
     }
     if meshes.list.is_empty() {
-        let problem = format!(
-            "expected at least one triangle with an area in the scene, found none ({} without)",
-            dropped.degenerate_triangles
-        );
+        let problem = match dropped.degenerate_triangles {
+            0 => "expected triangles in the scene, found none: there is nothing to render".into(),
+            n => format!("expected at least one triangle with an area in the scene, found {n} without"),
+        };
         return Err(document.error("/meshes", problem));
     }
     Ok(meshes)

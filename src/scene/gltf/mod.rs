@@ -4,16 +4,18 @@
 //! relative to [`Scene::origin`]. A broken or hostile file gives [`Error::InvalidScene`](crate::Error::InvalidScene)
 //! with the JSON pointer of what is wrong; what is merely not simulated becomes a warning. Memory is bounded by what
 //! the file holds, not by the numbers in it. Animations are read for a shutter alone ([`LoadOptions::shutter`]).
-//! Limit: skins and morph targets are posed once.
+//! Limit: texture coordinates and colours that morph targets displace are those when the shutter opens.
 
 mod accessor;
 mod animation;
 mod camera;
+mod changing;
 mod choice;
 mod document;
 mod ext;
 mod image;
 mod json;
+mod looks;
 mod material;
 mod mesh;
 mod meshes;
@@ -38,11 +40,13 @@ use glam::{DAffine3, DVec3};
 
 use self::animation::Animations;
 use self::document::Document;
-use self::ext::{khr_animation_pointer, khr_lights_punctual, khr_materials_variants};
+use self::ext::{
+    ext_lights_ies, ext_lights_image_based, khr_animation_pointer, khr_lights_punctual, khr_materials_variants,
+};
 use self::material::MaterialTable;
 use self::node::Timeline;
 use super::motion::{Motion, Track, Unmoved};
-use super::{Dropped, LoadOptions, Scene, geometry};
+use super::{Dropped, LoadOptions, NodeId, Scene, geometry};
 use crate::error::Result;
 
 impl Scene {
@@ -110,13 +114,14 @@ impl Scene {
         let mut dropped = Dropped::default();
         let meshes = meshes::read(&document, &graph, &mut materials, &mut dropped)?;
         let ways = moving::ways(nodes, &meshes, &mut motion);
-        for node in nodes.iter().filter(|node| skin::moves(&document, node, &graph)) {
-            let what = format!("motion of the skin of node '{}'", node.name.as_ref().unwrap_or(&node.pointer));
-            motion.unmoved.push(Unmoved { what, why: "skinned meshes stand as the shutter opens".into() });
+        if let Some(off) = meshes.off.as_ref() {
+            let worst = motion.off.as_ref().map_or(0.0, |worst| worst.distance_m);
+            motion.off = if off.distance_m > worst { Some(off.clone()) } else { motion.off };
         }
-        for node in nodes.iter().filter(|node| node.morphs && node.mesh.is_some()) {
-            let what = format!("morph targets of node '{}'", node.name.as_ref().unwrap_or(&node.pointer));
-            motion.unmoved.push(Unmoved { what, why: "morphed meshes stand as the shutter opens".into() });
+        for node in nodes.iter().filter(|node| node.morphs.is_some() && morph::paints(&document, node.mesh)) {
+            let name = node.name.as_ref().unwrap_or(&node.pointer);
+            let what = format!("colours and texture coordinates of the morph targets of node '{name}'");
+            motion.unmoved.push(Unmoved { what, why: "they stay as the shutter opens".into() });
         }
         let placement = placement::place(&document, nodes, &ways, &meshes)?;
         motion.instances = placement.tracks;
@@ -125,6 +130,7 @@ impl Scene {
         let mut scene = Scene {
             file: path.into(),
             instances: placement.instances,
+            nodes: placement.nodes,
             origin,
             suggested_size: suggested_size(&document)?,
             dropped,
@@ -133,8 +139,13 @@ impl Scene {
             ..Scene::default()
         };
         for (node, way) in nodes.iter().zip(&ways) {
-            if let Some(index) = node.light {
-                scene.punctual.push(khr_lights_punctual::read(&document, node, index, origin)?);
+            let light =
+                node.light.map(|index| khr_lights_punctual::read(&document, node, index, origin)).transpose()?;
+            let lamp = node.lamp.map(|index| ext_lights_ies::read(&document, node, index, origin)).transpose()?;
+            for light in light.into_iter().chain(lamp) {
+                scene.light_nodes.push(Some(NodeId(scene.nodes.len() as u32)));
+                scene.nodes.push((*node.called).clone());
+                scene.punctual.push(light);
             }
             if let Some(index) = node.camera {
                 motion.cameras.extend(camera_track(scene.cameras.len(), way, origin));
@@ -170,6 +181,13 @@ impl Scene {
         if copies > 0 {
             document.warn("/meshes", format!("{copies} emissive triangles repeat others exactly and are left out"));
         }
+        // That of the command line takes the place of the file's.
+        if options.environment.is_none() {
+            scene.environment = match earlier {
+                Some(earlier) => earlier.environment.clone(),
+                None => ext_lights_image_based::read(&document, options)?,
+            };
+        }
         scene.warnings = document.take_warnings();
         scene.inputs = earlier.map_or_else(|| document.inputs(), |earlier| earlier.inputs.clone());
         scene.validate()?;
@@ -203,11 +221,11 @@ fn warn_of_left_out(document: &Document, dropped: Dropped, options: &LoadOptions
     if dropped.points_and_lines > 0 {
         document.warn("/meshes", format!("{} points and lines are left out", dropped.points_and_lines));
     }
-    if options.shutter.is_none() && !document.table("animations")?.is_empty() {
-        document.warn(
-            "/animations",
-            "animations run at a time only (--at SECONDS or --shutter OPEN,CLOSE); the scene is shown at rest",
-        );
+    let animations = document.table("animations")?.len();
+    if options.shutter.is_none() && animations > 0 {
+        let rest = "the scene is shown at rest; --at SECONDS shows it animated";
+        let one = format!(", with --animation NAME by one of its {animations} animations, which info lists");
+        document.warn("/animations", format!("{rest}{}", if animations > 1 { &one } else { "" }));
     }
     Ok(())
 }

@@ -2,8 +2,8 @@
 //!
 //! Source: glTF 2.0 §3.7.2.2. An attribute is its base and Σ weight·displacement; a node's weights take the place of
 //! its mesh's, and an animation's the place of both. Positions, normals, the vectors of tangents, texture coordinates
-//! and colours. A target that names an attribute which the primitive lacks changes nothing. Limit: a mesh stands still
-//! while the shutter is open.
+//! and colours. A target that names an attribute which the primitive lacks changes nothing. Where weights change while
+//! the shutter is open, targets are read for each shape that the mesh takes (`changing`).
 
 use serde_json::Value;
 
@@ -37,6 +37,14 @@ pub(super) fn numbers(document: &Document, pointer: &str) -> Result<Option<Vec<f
 /// Number of targets of the mesh at `/meshes/mesh`.
 pub(super) fn count(document: &Document, mesh: usize) -> Result<usize> {
     Ok(document.array(&format!("/meshes/{mesh}/primitives/0/targets"))?.len())
+}
+
+/// Whether targets of the mesh displace colours or texture coordinates.
+pub(super) fn paints(document: &Document, mesh: Option<usize>) -> bool {
+    let primitives = mesh.and_then(|mesh| document.value(&format!("/meshes/{mesh}/primitives"))?.as_array());
+    let targets = primitives.into_iter().flatten().filter_map(|primitive| primitive.get("targets")?.as_array());
+    let mut attributes = targets.flatten().filter_map(Value::as_object).flat_map(|target| target.keys());
+    attributes.any(|name| name.starts_with("COLOR_") || name.starts_with("TEXCOORD_"))
 }
 
 /// The targets of a primitive that have a weight.
@@ -97,12 +105,13 @@ impl Displacement<'_> {
         if self.parts.is_empty() {
             return base;
         }
-        let mut sum = base.map(f64::from);
+        // The base last: displacements that cancel leave it whole.
+        let mut sum = [0.0; N];
         for (accessor, weight) in &self.parts {
             for (sum, displacement) in sum.iter_mut().zip(accessor.vector::<N>(vertex as usize)) {
                 *sum += weight * f64::from(displacement);
             }
         }
-        sum.map(|component| component as f32)
+        std::array::from_fn(|i| (f64::from(base[i]) + sum[i]) as f32)
     }
 }

@@ -9,18 +9,10 @@ use glam::{DAffine3, DVec3};
 
 use super::super::motion::{MOST_PARTS, Motion, Off, Shutter, Track, Unmoved};
 use super::json::one_line;
+use super::looks::{CLOSE_ENOUGH, LOOKS, ROUNDING};
 use super::meshes::{Meshes, Shown};
 use super::node::Placed;
 use super::pose::{rigid_pose, to_f32};
-
-/// Times at which animated nodes are posed: the ends of all parts and the middles between them.
-pub(super) const LOOKS: usize = 2 * MOST_PARTS + 1;
-
-/// How far a corner may be from its way, in diagonals of the object.
-const CLOSE_ENOUGH: f64 = 1.0 / 1024.0;
-
-/// What is taken for rounding, in the same measure.
-const ROUNDING: f64 = 1e-6;
 
 /// Times at which nodes are sampled, seconds: one where it closes as it opens.
 pub(super) fn times_s(shutter: Shutter) -> Vec<f64> {
@@ -55,7 +47,7 @@ fn way(node: &Placed, shown: &[Shown], meshes: &Meshes, motion: &mut Motion) -> 
     }
     let name = one_line(node.name.as_ref().unwrap_or(&node.pointer));
     let mut leave_out = |what: String, why: &str| motion.unmoved.push(Unmoved { what, why: why.into() });
-    if node.light.is_some() {
+    if node.light.is_some() || node.lamp.is_some() {
         leave_out(
             format!("motion of the light of node '{name}'"),
             "punctual lights stay where they are when the shutter opens",

@@ -5,12 +5,14 @@
 //! only. A node reached twice (a cycle, or two parents) is an error. Nodes that an animation drives, and those below
 //! them, are posed at every time of the timeline; all others once.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::rc::Rc;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
 
+use super::super::Node;
+use super::super::light::{LONGEST_GROUP_NAME, is_group_name};
 use super::animation::{Animations, Trs};
 use super::document::Document;
 use super::ext::{ext_mesh_gpu_instancing, khr_node_visibility};
@@ -18,12 +20,17 @@ use super::json::brief;
 use super::morph;
 use crate::error::Result;
 
+/// Morph weights at each time of a timeline.
+pub(super) type Morphs = Rc<[Vec<f64>]>;
+
 /// A node that carries something.
 #[derive(Debug)]
 pub(super) struct Placed {
     /// `/nodes/N`.
     pub(super) pointer: String,
     pub(super) name: Option<String>,
+    /// What it and its asset are called, named in the file or not.
+    pub(super) called: Rc<Node>,
     pub(super) world_from_node: DAffine3,
     /// The same at each time of the timeline, if an animation drives the node or one above it and there is more than
     /// one time.
@@ -33,10 +40,20 @@ pub(super) struct Placed {
     pub(super) skin: Option<usize>,
     pub(super) camera: Option<usize>,
     pub(super) light: Option<usize>,
+    /// Of EXT_lights_ies.
+    pub(super) lamp: Option<usize>,
     /// Morph weights when the shutter opens, in the place of the mesh's.
     pub(super) weights: Option<Rc<[f64]>>,
-    /// Whether those change while it is open.
-    pub(super) morphs: bool,
+    /// Those at each time of the timeline, if they change while it is open.
+    pub(super) morphs: Option<Morphs>,
+}
+
+/// Morph weights of a node.
+struct Weights {
+    /// When the shutter opens.
+    first: Option<Rc<[f64]>>,
+    /// At each time, where they change.
+    morphs: Option<Morphs>,
 }
 
 /// What drives nodes, and when they are sampled.
@@ -51,6 +68,8 @@ struct Parent {
     world_from_node: DAffine3,
     poses: Option<Rc<[DAffine3]>>,
     is_visible: bool,
+    /// Name of the root node; `None` above it.
+    asset: Option<Rc<str>>,
 }
 
 /// The chosen scene's nodes.
@@ -59,19 +78,19 @@ pub(super) struct Nodes {
     pub(super) placed: Vec<Placed>,
     /// Node to world of all, by index, for files with skins; empty for others.
     pub(super) worlds: HashMap<usize, DAffine3>,
-    /// Whether some node moves while the shutter is open, by index.
-    pub(super) moving: HashSet<usize>,
+    /// The same at each time of the timeline, of nodes that an animation drives and where there is more than one time.
+    pub(super) moving: HashMap<usize, Rc<[DAffine3]>>,
 }
 
 /// Walks the chosen scene.
 pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes> {
     let nodes = document.table("nodes")?;
     let mut reached = vec![false; nodes.len()];
-    let (mut placed, mut worlds, mut moving) = (Vec::new(), HashMap::new(), HashSet::new());
+    let (mut placed, mut worlds, mut moving) = (Vec::new(), HashMap::new(), HashMap::new());
     let skinned = !document.table("skins")?.is_empty();
     // Pending nodes with their parent and the pointer that refers to them; the last is visited next.
     let mut pending: Vec<(usize, Rc<Parent>, String)> = Vec::new();
-    let world = Rc::new(Parent { world_from_node: DAffine3::IDENTITY, poses: None, is_visible: true });
+    let world = Rc::new(Parent { world_from_node: DAffine3::IDENTITY, poses: None, is_visible: true, asset: None });
     for (root, from) in roots(document)?.into_iter().rev() {
         pending.push((root, world.clone(), from));
     }
@@ -100,25 +119,43 @@ pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes>
             return Err(document.error(pointer, "expected a finite world transform, found one that overflows"));
         }
         let is_visible = parent.is_visible && khr_node_visibility::is_visible(document, &pointer)?;
-        let node_itself = Rc::new(Parent { world_from_node, poses: poses.clone(), is_visible });
+        let name = node.get("name").and_then(Value::as_str).map(str::to_owned);
+        let called = name.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| format!("node {index}"));
+        let asset = parent.asset.clone().unwrap_or_else(|| called.as_str().into());
+        let node_itself =
+            Rc::new(Parent { world_from_node, poses: poses.clone(), is_visible, asset: Some(asset.clone()) });
         for (place, child) in reader.array("children")?.iter().enumerate().rev() {
             let from = format!("{pointer}/children/{place}");
             pending.push((document.index(child, &from)?, node_itself.clone(), from));
         }
         if skinned {
             worlds.insert(index, world_from_node);
-            if poses.is_some() {
-                moving.insert(index);
+            if let Some(poses) = &poses {
+                moving.insert(index, poses.clone());
             }
         }
         let mesh = reader.index("/mesh")?.filter(|_| is_visible);
         let skin = if mesh.is_some() { reader.index("/skin")? } else { None };
         let camera = reader.index("/camera")?;
         let light = reader.index("/extensions/KHR_lights_punctual/light")?.filter(|_| is_visible);
-        if mesh.is_some() || camera.is_some() || light.is_some() {
-            let (weights, morphs) = timeline.weights(document, index)?;
-            let name = node.get("name").and_then(Value::as_str).map(str::to_owned);
-            let node = Placed { pointer, name, world_from_node, poses, mesh, skin, camera, light, weights, morphs };
+        let lamp = reader.index("/extensions/EXT_lights_ies/light")?.filter(|_| is_visible);
+        if mesh.is_some() || camera.is_some() || light.is_some() || lamp.is_some() {
+            let Weights { first: weights, morphs } = timeline.weights(document, index)?;
+            let called = Rc::new(Node { name: called, asset: asset.to_string(), light_group: reader.light_group() });
+            let node = Placed {
+                pointer,
+                name,
+                called,
+                world_from_node,
+                poses,
+                mesh,
+                skin,
+                camera,
+                light,
+                lamp,
+                weights,
+                morphs,
+            };
             // A skinned mesh stands where its joints are, however often it is placed.
             let instances = if mesh.is_some() && skin.is_none() {
                 ext_mesh_gpu_instancing::placements(document, &node.pointer)?
@@ -150,14 +187,16 @@ impl Placed {
         Placed {
             pointer: self.pointer.clone(),
             name: self.name.clone(),
+            called: self.called.clone(),
             world_from_node: at(&self.world_from_node),
             poses: self.poses.as_ref().map(|poses| poses.iter().map(at).collect()),
             mesh: self.mesh,
             skin: None,
             camera: None,
             light: None,
+            lamp: None,
             weights: self.weights.clone(),
-            morphs: false,
+            morphs: self.morphs.clone(),
         }
     }
 
@@ -182,19 +221,20 @@ impl Timeline<'_> {
         Ok(DAffine3::from_scale_rotation_translation(parts.scale, parts.rotation, parts.translation))
     }
 
-    /// The morph weights of a node at the first time, and whether they change later.
-    fn weights(&self, document: &Document, node: usize) -> Result<(Option<Rc<[f64]>>, bool)> {
+    /// The morph weights of a node at the first time, and at each if they change later.
+    fn weights(&self, document: &Document, node: usize) -> Result<Weights> {
         let at = |&time_s: &f64| self.animations.weights(document, node, time_s);
         if !self.animations.drives_weights(node) {
             let own = morph::numbers(document, &format!("/nodes/{node}/weights"))?;
-            return Ok((own.map(Rc::from), false));
+            return Ok(Weights { first: own.map(Rc::from), morphs: None });
         }
         let first = at(&self.times_s[0])?;
-        let mut morphs = false;
-        for time_s in &self.times_s[1..] {
-            morphs = morphs || at(time_s)? != first;
-        }
-        Ok((first.map(Rc::from), morphs))
+        let targets = first.as_ref().map_or(0, Vec::len);
+        document.charge(targets.saturating_mul(self.times_s.len()) / 8, &format!("/nodes/{node}"))?;
+        let all = self.times_s.iter().map(|time_s| Ok(at(time_s)?.unwrap_or_default()));
+        let all: Vec<Vec<f64>> = all.collect::<Result<_>>()?;
+        let morphs = all.iter().any(|weights| *weights != all[0]);
+        Ok(Weights { first: first.map(Rc::from), morphs: morphs.then(|| all.into()) })
     }
 }
 
@@ -287,6 +327,17 @@ impl Reader<'_> {
             *number = item.as_f64().filter(|number| number.is_finite()).ok_or_else(problem)?;
         }
         Ok(Some(numbers))
+    }
+
+    /// The light group that the node's `extras` name; a name that no layer can have is warned of and left out.
+    fn light_group(&self) -> Option<String> {
+        let group = self.node.pointer("/extras/lightgroup")?;
+        let named = group.as_str().map(str::to_owned).filter(|name| is_group_name(name));
+        if named.is_none() {
+            let problem = format!("expected a name of up to {LONGEST_GROUP_NAME} bytes without dots, found ");
+            self.document.warn(self.at("extras/lightgroup"), problem + &brief(group));
+        }
+        named
     }
 
     fn index(&self, member: &str) -> Result<Option<usize>> {

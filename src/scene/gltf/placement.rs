@@ -6,11 +6,13 @@
 //! where it is; and the same scene elsewhere, moved by a multiple of the step or scaled by a power of two, gives the
 //! same bits.
 
+use std::rc::Rc;
+
 use glam::{Affine3A, DAffine3, DVec3};
 
-use super::super::Instance;
 use super::super::geometry::LARGEST_COORDINATE_M;
 use super::super::motion::Track;
+use super::super::{Instance, Mesh, Node, NodeId};
 use super::document::Document;
 use super::meshes::{Meshes, Shown};
 use super::moving::Way;
@@ -25,6 +27,8 @@ const FAR_IN_DIAGONALS: f64 = 16.0;
 /// All placements of the scene.
 pub(super) struct Placement {
     pub(super) instances: Vec<Instance>,
+    /// The nodes that the instances name.
+    pub(super) nodes: Vec<Node>,
     /// Of the instances that move.
     pub(super) tracks: Vec<Track>,
     pub(super) origin: DVec3,
@@ -32,10 +36,11 @@ pub(super) struct Placement {
 
 /// Places the meshes of every node; `ways` has the poses of those that move, and may be shorter.
 pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes: &Meshes) -> Result<Placement> {
-    let bounds: Vec<(DVec3, DVec3)> = meshes.list.iter().map(|mesh| object_bounds(&mesh.positions)).collect();
+    let bounds: Vec<(DVec3, DVec3)> = meshes.list.iter().map(object_bounds).collect();
     let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut placed: Vec<(Shown, DAffine3)> = Vec::new();
-    let mut moving: Vec<(usize, &Way)> = Vec::new();
+    let mut placed: Vec<(Shown, DAffine3, NodeId)> = Vec::new();
+    let mut called: Vec<&Rc<Node>> = Vec::new();
+    let mut moving: Vec<(usize, Way, bool)> = Vec::new();
     let mut collapsed = 0;
     for (place, node) in nodes.iter().enumerate() {
         let way = ways.get(place).filter(|way| !way.is_empty() && node.skin.is_none());
@@ -56,6 +61,11 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
             collapsed += 1;
             continue;
         }
+        // Instances of one node come one after the other.
+        if !called.last().is_some_and(|last| Rc::ptr_eq(last, &node.called)) {
+            called.push(&node.called);
+        }
+        let id = NodeId(called.len() as u32 - 1);
         for &part in shown {
             let (low, high) = bounds[part.mesh.index()];
             for corner in 0..8 {
@@ -72,8 +82,14 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
                     most = most.max(point);
                 }
             }
-            moving.extend(way.map(|way| (placed.len(), way)));
-            placed.push((part, world_from_mesh));
+            let changes = !meshes.list[part.mesh.index()].later.is_empty();
+            match way {
+                Some(way) => moving.push((placed.len(), way.clone(), changes)),
+                // It stays where it is, and moves nevertheless.
+                None if changes => moving.push((placed.len(), vec![world_from_mesh; 2], changes)),
+                None => {}
+            }
+            placed.push((part, world_from_mesh, id));
         }
     }
     if collapsed > 0 {
@@ -91,16 +107,20 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
     }
     let relative =
         |world: &DAffine3| to_f32(&DAffine3 { matrix3: world.matrix3, translation: world.translation - origin });
-    let track = |(index, way): (usize, &Way)| {
+    let track = |(index, way, changes): (usize, Way, bool)| {
         let steps: Vec<Affine3A> = way.iter().map(relative).collect();
         // What moves by less than f32 can tell stands still.
-        steps.iter().any(|step| *step != steps[0]).then_some(Track { index, steps })
+        (changes || steps.iter().any(|step| *step != steps[0])).then_some(Track { index, steps })
     };
     Ok(Placement {
         tracks: moving.into_iter().filter_map(track).collect(),
         instances: (placed.iter())
-            .map(|(part, world)| Instance { material: part.material, ..Instance::new(part.mesh, relative(world)) })
+            .map(|&(part, ref world, node)| {
+                let placed = Instance::new(part.mesh, relative(world));
+                Instance { material: part.material, node: Some(node), ..placed }
+            })
             .collect(),
+        nodes: called.into_iter().map(|node| (**node).clone()).collect(),
         origin,
     })
 }
@@ -117,8 +137,10 @@ fn lattice_point(centre: DVec3, diagonal: f64) -> DVec3 {
     }
 }
 
-fn object_bounds(positions: &[glam::Vec3]) -> (DVec3, DVec3) {
-    positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(least, most), position| {
+/// Bounds of a mesh in all its shapes.
+fn object_bounds(mesh: &Mesh) -> (DVec3, DVec3) {
+    let later = mesh.later.iter().flat_map(|shape| &shape.positions);
+    mesh.positions.iter().chain(later).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(least, most), position| {
         let position = position.as_dvec3();
         (least.min(position), most.max(position))
     })

@@ -29,6 +29,7 @@ const REFERENCES: &[(&str, &str)] = &[
     ("nodes/*/camera", "cameras"),
     ("nodes/*/children/*", "nodes"),
     ("nodes/*/extensions/EXT_mesh_gpu_instancing/attributes/*", "accessors"),
+    ("nodes/*/extensions/EXT_lights_ies/light", "extensions/EXT_lights_ies/lights"),
     ("nodes/*/extensions/KHR_lights_punctual/light", "extensions/KHR_lights_punctual/lights"),
     ("nodes/*/mesh", "meshes"),
     ("nodes/*/skin", "skins"),

@@ -1,10 +1,9 @@
-//! Skins: vertices moved by the joints they hang on, as those stand where the shutter opens.
+//! Skins: vertices moved by the joints they hang on.
 //!
 //! Source: glTF 2.0 §3.7.3. A vertex is at Σ w·(joint's world)·(inverse bind)·p, whatever the transform of the
 //! node that carries the mesh; weights are divided by their sum. Normals go by the inverse transpose of the blended
-//! matrix. Any number of sets `JOINTS_n`, `WEIGHTS_n`. Limit: a skinned mesh stands still while the shutter is open.
-
-use std::collections::HashMap;
+//! matrix. Any number of sets `JOINTS_n`, `WEIGHTS_n`. Where joints move while the shutter is open, a skin is read for
+//! each shape that its mesh takes (`changing`).
 
 use glam::{DAffine3, DMat4, DVec4, Vec3};
 
@@ -25,8 +24,12 @@ pub(super) struct Influences<'d> {
 }
 
 impl Skin {
-    /// Reads `/skins/index`; `worlds` are the nodes of the scene.
-    pub(super) fn read(document: &Document, index: usize, worlds: &HashMap<usize, DAffine3>) -> Result<Skin> {
+    /// Reads `/skins/index`; `world_of` has the nodes of the scene at some time.
+    pub(super) fn read(
+        document: &Document,
+        index: usize,
+        world_of: &dyn Fn(usize) -> Option<DAffine3>,
+    ) -> Result<Skin> {
         let pointer = format!("/skins/{index}");
         let listed = document.array(&format!("{pointer}/joints"))?;
         if listed.is_empty() {
@@ -51,7 +54,7 @@ impl Skin {
             let from = format!("{pointer}/joints/{place}");
             let node = document.index(node, &from)?;
             let outside = || document.error(&from, format!("expected a node of the scene, found node {node} outside"));
-            let world = *worlds.get(&node).ok_or_else(outside)?;
+            let world = world_of(node).ok_or_else(outside)?;
             let Some(matrices) = &inverse else { return Ok(world) };
             let matrix = DMat4::from_cols_array(&matrices.vector::<16>(place).map(f64::from));
             if !matrix.is_finite() {
@@ -103,5 +106,5 @@ pub(super) fn moved(matrix: Option<DAffine3>, position: Vec3) -> Vec3 {
 pub(super) fn moves(document: &Document, node: &Placed, nodes: &Nodes) -> bool {
     let joints = |skin| document.array(&format!("/skins/{skin}/joints")).unwrap_or_default();
     let index = |joint: &serde_json::Value| joint.as_u64().and_then(|index| usize::try_from(index).ok());
-    node.skin.is_some_and(|skin| joints(skin).iter().filter_map(index).any(|joint| nodes.moving.contains(&joint)))
+    node.skin.is_some_and(|skin| joints(skin).iter().filter_map(index).any(|joint| nodes.moving.contains_key(&joint)))
 }

@@ -29,6 +29,20 @@ pub(super) fn generate(mesh: &mut Mesh, channel: u32) -> Result<(), &'static str
     if corners_at.values().any(|&corners| corners > MOST_CORNERS_AT_A_POINT) {
         return Err("has a point where more than 4096 triangles meet");
     }
+    let own = of_corners(mesh, uvs)?;
+    let later: Vec<Tangents> =
+        mesh.later.iter().map(|shape| of_corners(&mesh.shaped(shape), uvs)).collect::<Result<_, _>>()?;
+    split(mesh, &own, &later);
+    Ok(())
+}
+
+/// Flat normals by triangle, and tangents by corner.
+struct Tangents {
+    flat: Vec<Vec3>,
+    tangents: Vec<Vec4>,
+}
+
+fn of_corners(mesh: &Mesh, uvs: &[Vec2]) -> Result<Tangents, &'static str> {
     // Scaling by a power of two is exact, leaves tangents alone, and keeps squares from overflowing.
     let extent = mesh.positions.iter().fold(0.0f32, |extent, position| extent.max(position.abs().max_element()));
     let scale = (-f64::from(extent).log2().ceil()).exp2();
@@ -38,8 +52,7 @@ pub(super) fn generate(mesh: &mut Mesh, channel: u32) -> Result<(), &'static str
         return Err("has no geometry that MikkTSpace accepts");
     }
     let tangents = corners.tangents;
-    split(mesh, &flat, &tangents);
-    Ok(())
+    Ok(Tangents { flat, tangents })
 }
 
 fn flat_normal(mesh: &Mesh, triangle: &[u32; 3]) -> Vec3 {
@@ -47,12 +60,12 @@ fn flat_normal(mesh: &Mesh, triangle: &[u32; 3]) -> Vec3 {
     (b - a).cross(c - a).try_normalize().unwrap_or(DVec3::Y).as_vec3()
 }
 
-/// Rewrites the mesh so that each vertex has one normal and one tangent.
-fn split(mesh: &mut Mesh, flat: &[Vec3], tangents: &[Vec4]) {
+/// Rewrites the mesh so that each vertex has one normal and one tangent; its later shapes as the first one is divided.
+fn split(mesh: &mut Mesh, Tangents { flat, tangents }: &Tangents, later: &[Tangents]) {
     let mut vertices: HashMap<(u32, [u32; 7]), u32> = HashMap::new();
     let (mut positions, mut normals, mut kept) = (Vec::new(), Vec::new(), Vec::new());
-    // Where each new vertex comes from.
-    let mut origins = Vec::new();
+    // Where each new vertex comes from, and its first corner.
+    let (mut origins, mut firsts) = (Vec::new(), Vec::new());
     for (number, triangle) in mesh.triangles.iter_mut().enumerate() {
         for (corner, vertex) in triangle.iter_mut().enumerate() {
             let old = *vertex as usize;
@@ -66,12 +79,24 @@ fn split(mesh: &mut Mesh, flat: &[Vec3], tangents: &[Vec4]) {
                 positions.push(mesh.positions[old]);
                 normals.push(normal);
                 origins.push(old);
+                firsts.push(3 * number + corner);
                 kept.push(tangent);
             }
         }
     }
     mesh.positions = positions;
     mesh.normals = Some(normals);
+    for (shape, Tangents { flat, tangents }) in mesh.later.iter_mut().zip(later) {
+        let normal = |(&old, &corner): (&usize, &usize)| match &shape.normals {
+            Some(normals) => normals[old],
+            None => flat[corner / 3],
+        };
+        let normals: Vec<Vec3> = origins.iter().zip(&firsts).map(normal).collect();
+        let tangent = |(&corner, &normal): (&usize, &Vec3)| perpendicular(tangents[corner], normal);
+        shape.tangents = Some(firsts.iter().zip(&normals).map(tangent).collect());
+        shape.positions = origins.iter().map(|&old| shape.positions[old]).collect();
+        shape.normals = Some(normals);
+    }
     for uvs in mesh.uvs.iter_mut().chain(&mut mesh.more_uvs) {
         *uvs = origins.iter().map(|&old| uvs[old]).collect();
     }

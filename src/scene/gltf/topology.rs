@@ -10,6 +10,9 @@ use super::accessor::Accessor;
 use super::document::Document;
 use crate::error::Result;
 
+/// Vertices for each corner up to which they are marked one by one.
+const MARKS_PER_CORNER: usize = 2;
+
 /// Triangles of one primitive.
 #[derive(Debug, Default)]
 pub(super) struct Topology {
@@ -78,6 +81,22 @@ pub(super) fn read(
 /// large accessor, and a sparse accessor may claim more vertices than memory holds: neither costs more than the
 /// corners.
 pub(super) fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
+    let most = triangles.as_flattened().iter().max().map_or(0, |&largest| largest as usize);
+    // A mark for each vertex where there are not many more than corners: sorting those took half as long as decoding a
+    // Draco stream of them.
+    if most < MARKS_PER_CORNER * 3 * triangles.len() {
+        let mut places = vec![u32::MAX; most + 1];
+        triangles.as_flattened().iter().for_each(|&corner| places[corner as usize] = 0);
+        let mut used = Vec::new();
+        for (vertex, place) in (0u32..).zip(&mut places).filter(|(_, place)| **place == 0) {
+            *place = used.len() as u32;
+            used.push(vertex);
+        }
+        if used.len() <= most {
+            triangles.as_flattened_mut().iter_mut().for_each(|corner| *corner = places[*corner as usize]);
+        }
+        return used;
+    }
     let mut used: Vec<u32> = triangles.as_flattened().to_vec();
     used.sort_unstable();
     used.dedup();

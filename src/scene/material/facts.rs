@@ -7,11 +7,14 @@
 use glam::Vec3;
 
 use super::alpha::AlphaMode;
-use super::parameters::Material;
+use super::parameters::{Material, TextureSlot};
 use crate::texture::Texture;
 
 /// glTF roughness below which a microfacet lobe is a mirror.
 pub const MIRROR_ROUGHNESS: f32 = 0.01;
+
+/// GGX alpha up to which a lobe bundles light so that light paths are aimed at it.
+pub const BUNDLING_ALPHA: f32 = 0.2;
 
 /// Something that a material can do or needs. The first are what a hit can turn out to be ([`Fact::MODELS`]): of a
 /// partly transmissive material one is drawn per hit.
@@ -58,6 +61,9 @@ pub enum Fact {
     Mirror,
     /// A specular lobe that may be rough.
     Rough,
+
+    /// A specular lobe that may be smooth enough to bundle light.
+    Casts,
 
     /// Reads a texture.
     Textures,
@@ -160,6 +166,7 @@ impl Facts {
                 || sheen
                 || body && grain,
         );
+        set.put(Fact::Casts, casts(material, set, |_, _| [0.0, 1.0]));
         let even = material.base_color_texture.is_none() && !material.vertex_colors && !set.has(Fact::Layers);
         set.put(Fact::Clear, set.models() == FactSet::of(&[Fact::Solid]) && even);
         let reflectance_bound = if specular { Vec3::ONE } else { material.base_color.clamp(Vec3::ZERO, Vec3::ONE) };
@@ -167,12 +174,15 @@ impl Facts {
     }
 
     /// As [`of`](Self::of), of a material of a scene with these textures: one whose texture has no alpha below 1 is
-    /// known to be opaque.
+    /// known to be opaque, and one whose texture is rough everywhere bundles no light.
     pub fn with_textures(material: &Material, textures: &[Texture]) -> Facts {
-        let texture = material.base_color_texture.and_then(|slot| textures.get(slot.texture.index()));
-        let alpha = alpha(material, texture.is_some_and(|texture| texture.texels.may_have_alpha()));
+        let alpha = material.effective_alpha(textures);
         let mut facts = Facts { alpha, ..Facts::of(material) };
         facts.set.put(Fact::Uncovered, alpha != AlphaMode::Opaque);
+        let range = |slot: TextureSlot, channel| {
+            textures.get(slot.texture.index()).map_or([0.0, 1.0], |texture| texture.texels.range(channel))
+        };
+        facts.set.put(Fact::Casts, casts(material, facts.set, range));
         facts
     }
 
@@ -194,6 +204,12 @@ impl Facts {
         self.set.models().is_subset(FactSet::of(&[Fact::Black, Fact::Lambert]))
     }
 
+    /// Whether light that its facets scatter more than once is lost: single scattering off rough metals and glass.
+    #[inline(always)]
+    pub fn loses(&self) -> bool {
+        self.has(Fact::Rough) && (self.has(Fact::Metal) || self.has(Fact::Solid) || self.has(Fact::Thin))
+    }
+
     /// Whether a layer shares light with what is below it, by the tables of directional albedo.
     #[inline(always)]
     pub fn is_layered(&self) -> bool {
@@ -205,6 +221,21 @@ impl Facts {
     pub fn is_plain(&self) -> bool {
         !self.has(Fact::Textures) && !self.has(Fact::VertexColors)
     }
+}
+
+/// Whether a specular lobe can be as smooth as [`BUNDLING_ALPHA`]; `set` has what it can turn out to be, and `range`
+/// tells the least and the largest value of a texture's channel.
+fn casts(material: &Material, set: FactSet, range: impl Fn(TextureSlot, usize) -> [f32; 2]) -> bool {
+    let bundles = |roughness: f32| roughness * roughness <= BUNDLING_ALPHA;
+    let of = |slot: Option<TextureSlot>, channel| slot.map_or([1.0; 2], |slot| range(slot, channel));
+    let body = || {
+        let roughness = material.roughness * of(material.metallic_roughness_texture, 1)[0];
+        let glossiness = of(material.glossiness_texture, 3)[1];
+        bundles(if glossiness < 1.0 { 1.0 - (1.0 - roughness) * glossiness } else { roughness })
+    };
+    let layer = || bundles(material.clearcoat_roughness * of(material.clearcoat_roughness_texture, 1)[0]);
+    let models = FactSet::of(&[Fact::Metal, Fact::Coat, Fact::Solid, Fact::Thin]);
+    set.0 & models.0 != 0 && body() || set.has(Fact::Clearcoat) && layer()
 }
 
 /// The alpha mode as far as it matters; `textured` if a texture can have alpha below 1.
@@ -254,6 +285,7 @@ impl Fact {
             Fact::Scatters => "scattering",
             Fact::Mirror => "mirror",
             Fact::Rough => "rough",
+            Fact::Casts => "casts-light",
             Fact::Textures => "textures",
             Fact::VertexColors => "vertex-colours",
             Fact::Uncovered => "alpha",
@@ -320,6 +352,13 @@ impl Material {
         self.sheen_color.max_element() > 0.0 && self.sheen_roughness >= MIRROR_ROUGHNESS
     }
 
+    /// Whether the back may be hidden: glTF's `doubleSided` is false, and no inside has the surface as its boundary.
+    #[inline(always)]
+    pub fn is_one_sided(&self) -> bool {
+        let bounds_inside = self.transmission > 0.0 && self.thickness > 0.0;
+        !self.double_sided && !bounds_inside
+    }
+
     /// Whether a mesh may be shared with `other`: both are opaque surfaces without light, without an inside and that
     /// need no tangents, and read the same attributes of vertices.
     pub fn may_share(&self, other: &Material) -> bool {
@@ -345,7 +384,8 @@ impl Material {
 
     /// The alpha mode as far as it matters; see [`Facts::alpha`].
     pub fn effective_alpha(&self, textures: &[Texture]) -> AlphaMode {
-        Facts::with_textures(self, textures).alpha
+        let texture = self.base_color_texture.and_then(|slot| textures.get(slot.texture.index()));
+        alpha(self, texture.is_some_and(|texture| texture.texels.may_have_alpha()))
     }
 }
 
@@ -379,7 +419,6 @@ mod tests {
     #[test]
     fn models_of_mixtures() {
         use super::super::super::ids::TextureId;
-        use super::super::parameters::TextureSlot;
         let plain = Material { metallic: 0.0, specular: 0.0, ..Material::default() };
         let texture = Some(TextureSlot { texture: TextureId(0), uv_set: 0 });
         let cases: [(Material, &[Fact]); 8] = [
@@ -402,5 +441,34 @@ mod tests {
             assert_eq!(Facts::of(&material).set.models(), FactSet::of(models), "{material:?}");
         }
         assert!(Facts::of(&plain).is_diffuse() && !Facts::of(&Material::default()).is_diffuse());
+    }
+
+    /// Textures that make a rough factor smooth, and glossy ones that dull a smooth one. Oracle: by hand.
+    #[test]
+    fn what_bundles_light_is_known_by_the_smoothest_texel() {
+        use super::super::super::ids::TextureId;
+        use crate::texture::{ColorSpace, Wrap};
+        let of = |bytes: [[u8; 4]; 2]| Texture {
+            name: String::new(),
+            width: 2,
+            height: 1,
+            texels: bytes.to_vec().into(),
+            color_space: ColorSpace::Linear,
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            bilinear: true,
+        };
+        let (rough, partly) = ([255, 200, 255, 255], [255, 50, 255, 255]);
+        let textures = [of([rough, rough]), of([rough, partly]), of([[255, 255, 255, 50]; 2])];
+        let slot = |number| Some(TextureSlot { texture: TextureId(number), uv_set: 0 });
+        let textured = |number| Material { metallic_roughness_texture: slot(number), ..Material::default() };
+        let casts = |material: &Material| Facts::with_textures(material, &textures).has(Fact::Casts);
+        assert!(!casts(&Material::default()) && casts(&Material { roughness: 0.4, ..Material::default() }));
+        assert!(!casts(&textured(0)) && casts(&textured(1)) && Facts::of(&textured(0)).has(Fact::Casts));
+        assert!(!casts(&Material { specular: 0.0, metallic: 0.0, ..textured(1) }), "no lobe");
+        let glossy = Material { roughness: 0.0, glossiness_texture: slot(2), ..Material::default() };
+        assert!(!casts(&glossy) && casts(&Material { glossiness_texture: slot(0), ..glossy.clone() }));
+        let coated = Material { clearcoat: 1.0, clearcoat_roughness: 1.0, ..Material::default() };
+        assert!(!casts(&coated) && casts(&Material { clearcoat_roughness_texture: slot(1), ..coated.clone() }));
     }
 }

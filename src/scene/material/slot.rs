@@ -434,6 +434,22 @@ impl Constant {
 }
 
 impl Material {
+    /// One that has every part.
+    #[cfg(test)]
+    pub(crate) fn all_parts() -> Material {
+        Material {
+            roughness: 0.5,
+            transmission: 1.0,
+            clearcoat: 1.0,
+            sheen_color: Vec3::ONE,
+            sheen_roughness: 1.0,
+            anisotropy: 1.0,
+            iridescence: 1.0,
+            diffuse_transmission: 1.0,
+            ..Material::default()
+        }
+    }
+
     /// The textures it has, in the order of [`Slot::ALL`].
     #[inline(always)]
     pub fn textures(&self) -> impl Iterator<Item = (Slot, TextureSlot)> {
@@ -470,26 +486,11 @@ mod tests {
     use super::super::super::ids::TextureId;
     use super::*;
 
-    /// A material that has every part.
-    fn all_parts() -> Material {
-        Material {
-            roughness: 0.5,
-            transmission: 1.0,
-            clearcoat: 1.0,
-            sheen_color: Vec3::ONE,
-            sheen_roughness: 1.0,
-            anisotropy: 1.0,
-            iridescence: 1.0,
-            diffuse_transmission: 1.0,
-            ..Material::default()
-        }
-    }
-
     /// Every row reads what it writes, and nothing else. Deterministic.
     #[test]
     fn rows_are_of_their_slots() {
         for slot in Slot::ALL {
-            let mut material = all_parts();
+            let mut material = Material::all_parts();
             assert!(!material.reads_textures());
             let texture = TextureSlot { texture: TextureId(7), uv_set: 2 };
             *slot.of_mut(&mut material).expect("every part is there") = Some(texture);

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::dielectric::Dielectric;
 use super::finish::{Fine, Grain};
 use super::glossy::GlossyParams;
-use super::model::{Bsdf, BsdfEval, BsdfSample, Extended, Tables, Textured};
+use super::model::{Bsdf, BsdfEval, BsdfSample, Extended, Lobe, Tables, Textured};
 use super::translucent::{Through, Translucent};
 use crate::math::frame::Frame;
 use crate::shading::surface::Surface;
@@ -54,6 +54,15 @@ impl<'t> Body<'t> {
         }
     }
 
+    /// How the grain runs in the shading frame.
+    #[inline(always)]
+    pub fn grain(&self) -> Grain {
+        match self {
+            Body::Plain(_) => Grain::X,
+            Body::Translucent(_, grain) | Body::Clear(_, grain) => *grain,
+        }
+    }
+
     /// f·|cos θ_i| and the density of `sample`; zero for delta lobes.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
@@ -61,6 +70,15 @@ impl<'t> Body<'t> {
             Body::Plain(surface) => surface.eval(wo, wi),
             Body::Translucent(surface, grain) => surface.eval(grain.to_local(wo), grain.to_local(wi)),
             Body::Clear(glass, grain) => glass.eval(grain.to_local(wo), grain.to_local(wi)),
+        }
+    }
+
+    /// The part of [`eval`](Self::eval) that the diffuse base reflects.
+    pub fn diffuse(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        match self {
+            Body::Plain(surface) => surface.diffuse(wo, wi),
+            Body::Translucent(surface, grain) => surface.diffuse(grain.to_local(wo), grain.to_local(wi)),
+            Body::Clear(..) => Vec3::ZERO,
         }
     }
 
@@ -115,11 +133,20 @@ impl<'t> Body<'t> {
     }
 
     /// The lobe that a sample came from: `u` is the number that chose it, `reflected` says on which side it went.
-    pub fn lobe(&self, wo: Vec3, u: f32, reflected: bool) -> &'static str {
+    pub fn lobe(&self, wo: Vec3, u: f32, reflected: bool) -> Lobe {
         match self {
             Body::Plain(surface) => surface.lobe(wo, u, &(), reflected),
             Body::Translucent(surface, grain) => surface.lobe(grain.to_local(wo), u, reflected),
             Body::Clear(glass, _) => glass.lobe(reflected),
+        }
+    }
+
+    /// [`Lobe::alpha`] of its widest lobe, for reports.
+    pub fn widest_alpha(&self) -> f32 {
+        match self {
+            Body::Plain(surface) => surface.widest_alpha(),
+            Body::Translucent(surface, _) => surface.widest_alpha(),
+            Body::Clear(glass, _) => glass.lobe(true).alpha,
         }
     }
 }

@@ -19,7 +19,7 @@ use super::albedo::{Complement, SpecularAlbedo};
 use super::body::Body;
 use super::fresnel::schlick;
 use super::microfacet::{ALPHA_DELTA, Ggx, half_vector, reflect};
-use super::model::{Bsdf, BsdfEval, BsdfSample, Extended, HIDDEN, Tables, Textured};
+use super::model::{Bsdf, BsdfEval, BsdfSample, Extended, HIDDEN, Lobe, Tables, Textured};
 use super::sheen::Sheen;
 use crate::math::columns::array_column;
 use crate::math::frame::Frame;
@@ -76,6 +76,17 @@ impl<'t> Clearcoat<'t> {
     #[inline(always)]
     pub fn left_of_both(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.left(wo).min(self.left(wi))
+    }
+
+    /// What is below all layers.
+    pub fn body(&self) -> &Body<'t> {
+        &self.base.base
+    }
+
+    /// What all layers leave to it of light from `wi` to `wo`, from 0 to 1.
+    #[inline(always)]
+    pub fn left_to_body(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.left_of_both(wo, wi) * self.base.left_of_both(wo, wi)
     }
 
     #[inline(always)]
@@ -169,6 +180,10 @@ impl<'t> Bsdf<'t> for Clearcoat<'t> {
         BsdfEval { f_cos, pdf_sa }
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3, _: &f32, _: f32) -> Vec3 {
+        self.base.diffuse(wo, wi) * self.left_of_both(wo, wi)
+    }
+
     #[inline(never)]
     fn draw(&self, wo: Vec3, u: [f32; 3], &p_layer: &f32) -> BsdfSample {
         let refused = BsdfSample { wi: Vec3::ZERO, weight: Vec3::ZERO, pdf_sa: 0.0, eta: 1.0 };
@@ -218,14 +233,19 @@ impl<'t> Bsdf<'t> for Clearcoat<'t> {
         }
     }
 
-    fn lobe(&self, wo: Vec3, u: f32, &p_layer: &f32, reflected: bool) -> &'static str {
+    fn lobe(&self, wo: Vec3, u: f32, &p_layer: &f32, reflected: bool) -> Lobe {
         match (Self::takes_layer(u, p_layer), self.mirror) {
-            (true, true) => "smooth clearcoat",
-            (true, false) => "rough clearcoat",
+            (true, true) => Lobe { name: "smooth clearcoat", alpha: 0.0 },
+            (true, false) => Lobe { name: "rough clearcoat", alpha: self.ggx.alpha.x },
             (false, _) => {
                 let u = ((u - p_layer) / (1.0 - p_layer)).min(BELOW_ONE);
                 self.base.lobe(wo, u).unwrap_or_else(|u| self.base.base.lobe(wo, u, reflected))
             }
         }
+    }
+
+    fn widest_alpha(&self) -> f32 {
+        let layer = if self.mirror || self.weight == 0.0 { 0.0 } else { self.ggx.alpha.x };
+        layer.max(self.base.widest_alpha())
     }
 }

@@ -17,15 +17,11 @@ use glam::Vec3;
 use super::finish::{Fine, Finish};
 use super::fresnel::{self, Interface};
 use super::microfacet::{ALPHA_DELTA, half_vector, reflect};
-use super::model::{BsdfEval, BsdfSample};
+use super::model::{BsdfEval, BsdfSample, Lobe};
 
 /// Least alpha·|η−1| at which a refracting lobe counts as rough: the half vector of two refracted f32 directions
 /// has a relative error of about 2⁻²³/|η−1|, which is then a hundredth of alpha.
 const REFRACTION_DELTA: f32 = 1e-5;
-
-/// Largest relative index of a body. No clear material comes near (germanium has 4); beyond it, an f32 cosine inside no
-/// longer resolves the critical angle (1 − cos is 2e-3 here, 2e-9 at 1e4).
-pub const MAX_INDEX: f32 = 16.0;
 
 /// Whether light crosses a wall or enters a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +37,7 @@ pub enum Body {
 pub struct Dielectric<F: Finish = f32> {
     /// Solid or thin-walled.
     pub body: Body,
-    /// n(inside)/n(outside), at most [`MAX_INDEX`].
+    /// n(inside)/n(outside), at most [`fresnel::MAX_INDEX`].
     pub eta: f32,
     /// GGX alpha, or what there is instead.
     pub alpha: F,
@@ -91,15 +87,16 @@ impl<F: Finish> Dielectric<F> {
     }
 
     /// The lobe that a sample came from, for reports.
-    pub fn lobe(&self, reflected: bool) -> &'static str {
-        match (reflected, self.body, self.is_delta()) {
+    pub fn lobe(&self, reflected: bool) -> Lobe {
+        let name = match (reflected, self.body, self.is_delta()) {
             (true, _, true) => "smooth reflection",
             (true, _, false) => "rough reflection",
             (false, Body::Solid, true) => "smooth refraction",
             (false, Body::Solid, false) => "rough refraction",
             (false, Body::Thin, true) => "smooth transmission",
             (false, Body::Thin, false) => "rough transmission",
-        }
+        };
+        Lobe { name, alpha: if self.is_delta() { 0.0 } else { self.alpha.alpha() } }
     }
 
     /// Reflectance at a facet seen at `cos` ≥ 0 from the side of `wo`.

@@ -88,7 +88,8 @@ fn mix(f0: f32, cos: f32) -> f32 {
 /// of CIE 1931 in Fourier space (Belcour and Barla).
 #[inline(always)]
 fn sensitivity(path_nm: f32, phase: Vec3) -> Vec3 {
-    let k = TAU * path_nm * 1e-9;
+    // Beyond 10⁻³ nothing is left of the wave; phases stay numbers.
+    let k = (TAU * path_nm * 1e-9).min(1.0);
     let gauss = |size: f32, at: f32, variance: f32, phase: f32| {
         size * (TAU * variance).sqrt() * (at * k + phase).cos() * (-variance * k * k).exp()
     };

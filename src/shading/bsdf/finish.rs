@@ -64,6 +64,20 @@ impl Fine {
     pub fn new(alpha: f32, strength: f32, film: Film) -> Self {
         Fine { alpha: Vec2::new(alpha + (1.0 - alpha) * strength * strength, alpha), film }
     }
+
+    /// The GGX alpha that the azimuth of `w`, in the frame of the grain, shows.
+    #[inline(always)]
+    pub fn alpha_towards(self, w: Vec3) -> f32 {
+        let sin2 = w.x * w.x + w.y * w.y;
+        let (x, y) = (self.alpha.x * w.x, self.alpha.y * w.y);
+        if sin2 > 0.0 { ((x * x + y * y) / sin2).sqrt() } else { self.mean_alpha() }
+    }
+
+    /// That of no azimuth.
+    #[inline(always)]
+    pub fn mean_alpha(self) -> f32 {
+        (self.alpha.x * self.alpha.y).sqrt()
+    }
 }
 
 impl Finish for Fine {

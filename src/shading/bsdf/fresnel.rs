@@ -7,6 +7,10 @@
 
 use glam::Vec3;
 
+/// Largest relative index of a body. No clear material comes near (germanium has 4); beyond it, an f32 cosine inside no
+/// longer resolves the critical angle (1 − cos is 2e-3 here, 2e-9 at 1e4).
+pub const MAX_INDEX: f32 = 16.0;
+
 /// Hemispherical average of Schlick's (1−μ)⁵: 2∫(1−μ)⁵ μ dμ.
 pub const SCHLICK_AVERAGE: f32 = 1.0 / 21.0;
 

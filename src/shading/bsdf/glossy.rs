@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::albedo::{Complement, SpecularAlbedo};
 use super::fresnel::{SCHLICK_AVERAGE, normal_reflectance, schlick, schlick_weight};
 use super::microfacet::{ALPHA_DELTA, Ggx, half_vector, reflect};
-use super::model::{Boundary, Bsdf, BsdfEval, BsdfSample, Tables, Textured};
+use super::model::{Boundary, Bsdf, BsdfEval, BsdfSample, Lobe, Tables, Textured};
 use crate::math::columns::columns;
 use crate::math::warp;
 use crate::scene::Material;
@@ -35,6 +35,16 @@ columns! {
         f0: Vec3,
         /// Reflectance of the dielectric at grazing.
         f90: f32,
+    }
+}
+
+impl Lobe {
+    /// The specular lobe of an opaque surface.
+    pub fn specular(alpha: f32) -> Self {
+        match alpha < ALPHA_DELTA {
+            true => Lobe { name: "mirror", alpha: 0.0 },
+            false => Lobe { name: "rough specular", alpha },
+        }
     }
 }
 
@@ -265,6 +275,10 @@ impl<'t> Bsdf<'t> for Glossy<'t> {
         self.lobes().eval(wo, wi, half_vector(wo, wi), split, view.p_specular)
     }
 
+    fn diffuse(&self, _: Vec3, wi: Vec3, _: &GlossyView, split: f32) -> Vec3 {
+        self.lobes().diffuse * (wi.z * FRAC_1_PI * split)
+    }
+
     #[inline(always)]
     fn draw(&self, wo: Vec3, u: [f32; 3], view: &GlossyView) -> Drawn {
         self.lobes().draw(wo, u, view.p_specular)
@@ -290,12 +304,16 @@ impl<'t> Bsdf<'t> for Glossy<'t> {
         }
     }
 
-    fn lobe(&self, _: Vec3, u: f32, view: &GlossyView, _: bool) -> &'static str {
+    fn lobe(&self, _: Vec3, u: f32, view: &GlossyView, _: bool) -> Lobe {
         match (self.lambert, u < view.p_specular) {
-            (true, _) => "diffuse",
-            (false, false) => "diffuse base",
-            (false, true) if self.params.alpha < ALPHA_DELTA => "mirror",
-            (false, true) => "rough specular",
+            (true, _) => Lobe::wide("diffuse"),
+            (false, false) => Lobe::wide("diffuse base"),
+            (false, true) => Lobe::specular(self.params.alpha),
         }
+    }
+
+    fn widest_alpha(&self) -> f32 {
+        let diffuse = self.lambert || self.lobes().diffuse != Vec3::ZERO;
+        if diffuse { 1.0 } else { Lobe::specular(self.params.alpha).alpha }
     }
 }

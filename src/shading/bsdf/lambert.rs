@@ -6,7 +6,7 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
-use super::model::{Bsdf, BsdfEval, BsdfSample, Tables, Textured};
+use super::model::{Bsdf, BsdfEval, BsdfSample, Lobe, Tables, Textured};
 use crate::math::columns::columns;
 use crate::math::warp;
 use crate::scene::Material;
@@ -27,6 +27,7 @@ impl Bsdf<'_> for Lambert {
     const DELTAS: bool = false;
     const LAYERED: bool = false;
     const COSINES: bool = true;
+    const DIFFUSE: bool = true;
 
     type View = ();
     type Drawn = Vec3;
@@ -61,6 +62,10 @@ impl Bsdf<'_> for Lambert {
         BsdfEval { f_cos: self.albedo * pdf_sa, pdf_sa }
     }
 
+    fn diffuse(&self, _: Vec3, wi: Vec3, _: &(), _: f32) -> Vec3 {
+        self.albedo * (wi.z * FRAC_1_PI)
+    }
+
     /// Cosine-distributed: the weight is the albedo itself, with no division.
     #[inline(always)]
     fn draw(&self, _: Vec3, u: [f32; 3], _: &()) -> Vec3 {
@@ -81,7 +86,11 @@ impl Bsdf<'_> for Lambert {
         if self.albedo == Vec3::ZERO { "black" } else { "lambert" }
     }
 
-    fn lobe(&self, _: Vec3, _: f32, _: &(), _: bool) -> &'static str {
-        "diffuse"
+    fn lobe(&self, _: Vec3, _: f32, _: &(), _: bool) -> Lobe {
+        Lobe::wide("diffuse")
+    }
+
+    fn widest_alpha(&self) -> f32 {
+        1.0
     }
 }

@@ -5,14 +5,17 @@
 pub mod albedo;
 pub mod body;
 pub mod clearcoat;
+pub mod compensated;
 pub mod dielectric;
 pub mod film;
 pub mod finish;
 pub mod fresnel;
+pub mod glass_albedo;
 pub mod glossy;
 pub mod lambert;
 pub mod microfacet;
 pub mod model;
+pub mod multiscatter;
 pub mod sheen;
 pub mod sheen_albedo;
 pub mod translucent;
@@ -25,6 +28,8 @@ macro_rules! models {
         $apply! {
             /// Layers over any other surface, and textures of extensions.
             Layers: $crate::shading::bsdf::clearcoat::Clearcoat<'_>, |facts, _| facts.has(Fact::Layers);
+            /// What loses light between facets, where that is given back: plans say so, not materials.
+            Compensated: $crate::shading::bsdf::compensated::Compensated<'_>, |_, _| false;
             /// Exact Lambert without textures and vertex colours: the lean kernel.
             Lambert: $crate::shading::bsdf::lambert::Lambert, |facts, _| facts.is_diffuse() && facts.is_plain();
             /// Opaque and lit: coats, metals, textures.

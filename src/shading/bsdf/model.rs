@@ -11,6 +11,7 @@ use glam::Vec3;
 
 use super::albedo::{Complement, SpecularAlbedo};
 use super::film::Film;
+use super::glass_albedo::GlassAlbedo;
 use super::sheen_albedo::SheenAlbedo;
 use crate::math::columns::Column;
 use crate::math::frame::Frame;
@@ -156,17 +157,40 @@ pub struct Tables<'t> {
     pub none: Complement<'t>,
     /// Directional albedo of sheen; without it there is no sheen.
     pub sheen: Option<&'t SheenAlbedo>,
+    /// What rough solids return; without it their loss stays.
+    pub glass: Option<&'t GlassAlbedo>,
 }
 
 impl<'t> Tables<'t> {
     /// With or without coats.
     pub fn new(albedo: &'t SpecularAlbedo, coated: bool) -> Self {
-        Tables { albedo, coated, none: albedo.complement(0.0, 0.0, 0.0), sheen: None }
+        Tables { albedo, coated, none: albedo.complement(0.0, 0.0, 0.0), sheen: None, glass: None }
     }
 
     /// The same with sheen.
     pub fn with_sheen(self, sheen: &'t SheenAlbedo) -> Self {
         Tables { sheen: Some(sheen), ..self }
+    }
+
+    /// The same with what rough solids return.
+    pub fn with_glass(self, glass: &'t GlassAlbedo) -> Self {
+        Tables { glass: Some(glass), ..self }
+    }
+}
+
+/// What a sample came from, for reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lobe {
+    /// What it is called.
+    pub name: &'static str,
+    /// Its GGX alpha: 0 without a density, 1 where it is no microfacet lobe.
+    pub alpha: f32,
+}
+
+impl Lobe {
+    /// One that is not of microfacets.
+    pub const fn wide(name: &'static str) -> Self {
+        Lobe { name, alpha: 1.0 }
     }
 }
 
@@ -194,6 +218,9 @@ pub trait Bsdf<'t>: Column {
     /// Whether it has layers and lobes of extensions: it is then made by [`extended`](Self::extended), and told the
     /// shading frame.
     const EXTENDED: bool = false;
+
+    /// Whether it is a diffuse base and nothing else.
+    const DIFFUSE: bool = false;
 
     /// What depends on the viewer alone.
     type View: Column;
@@ -254,6 +281,9 @@ pub trait Bsdf<'t>: Column {
     /// f·|cos θ_i| and the density of sampling; zero for delta lobes. Opaque: for directions above the surface.
     fn eval(&self, wo: Vec3, wi: Vec3, view: &Self::View, split: f32) -> BsdfEval;
 
+    /// The part of [`eval`](Self::eval)'s f·|cos θ_i| that the diffuse base reflects, for layers that tell it apart.
+    fn diffuse(&self, wo: Vec3, wi: Vec3, view: &Self::View, split: f32) -> Vec3;
+
     /// Draws a direction; `u` = lobe, u, v.
     fn draw(&self, wo: Vec3, u: [f32; 3], view: &Self::View) -> Self::Drawn;
 
@@ -267,7 +297,10 @@ pub trait Bsdf<'t>: Column {
     fn name(&self) -> &'static str;
 
     /// The lobe that a sample came from: `u` is the number that chose it, `reflected` says on which side it went.
-    fn lobe(&self, wo: Vec3, u: f32, view: &Self::View, reflected: bool) -> &'static str;
+    fn lobe(&self, wo: Vec3, u: f32, view: &Self::View, reflected: bool) -> Lobe;
+
+    /// [`Lobe::alpha`] of its widest lobe, for reports: what light samples, which reach all of them, see.
+    fn widest_alpha(&self) -> f32;
 
     /// [`eval`](Self::eval) with everything it needs; zero where an opaque surface is seen or lit from below.
     #[inline(always)]
@@ -277,6 +310,15 @@ pub trait Bsdf<'t>: Column {
         }
         let view = self.view(wo, self.below(wo.z));
         self.eval(wo, wi, &view, self.split(&view, wi.z))
+    }
+
+    /// [`diffuse`](Self::diffuse) with everything it needs, as [`value`](Self::value).
+    fn diffuse_value(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        if !(self.outward() || wo.z > 0.0 && wi.z > 0.0) {
+            return Vec3::ZERO;
+        }
+        let view = self.view(wo, self.below(wo.z));
+        self.diffuse(wo, wi, &view, self.split(&view, wi.z))
     }
 
     /// Draws and weighs a direction. `None` ends the path: absorbed, or masked by the surface itself.

@@ -12,7 +12,7 @@
 use glam::Vec3;
 
 use super::body::Body;
-use super::model::{BsdfEval, BsdfSample};
+use super::model::{BsdfEval, BsdfSample, Lobe};
 use super::sheen_albedo::{SheenAlbedo, fibres};
 use crate::math::warp;
 use crate::scene::material::facts::MIRROR_ROUGHNESS;
@@ -55,6 +55,12 @@ impl<'t> Sheen<'t> {
     #[inline(always)]
     fn left(taken_o: f32, taken_i: f32) -> f32 {
         (1.0 - taken_o.max(taken_i)).max(0.0)
+    }
+
+    /// The same, of two directions.
+    #[inline(always)]
+    pub fn left_of_both(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if self.table.is_none() { 1.0 } else { Self::left(self.taken(wo), self.taken(wi)) }
     }
 
     /// Probability with which the fibres are sampled: 0 where they are not seen, else above 0.
@@ -103,6 +109,12 @@ impl<'t> Sheen<'t> {
         BsdfEval { f_cos, pdf_sa }
     }
 
+    /// The part of [`eval`](Self::eval) that the diffuse base reflects.
+    pub fn diffuse(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        let base = self.base.diffuse(wo, wi);
+        if self.table.is_none() { base } else { base * Self::left(self.taken(wo), self.taken(wi)) }
+    }
+
     /// Draws a direction; `u` = lobe, u, v.
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
@@ -130,9 +142,14 @@ impl<'t> Sheen<'t> {
     }
 
     /// The lobe that a sample came from, for reports; else the number that chose within the surface below.
-    pub fn lobe(&self, wo: Vec3, u: f32) -> Result<&'static str, f32> {
+    pub fn lobe(&self, wo: Vec3, u: f32) -> Result<Lobe, f32> {
         let p_fibres = self.p_fibres(wo, self.taken(wo));
-        if u < p_fibres { Ok("sheen") } else { Err(((u - p_fibres) / (1.0 - p_fibres)).min(BELOW_ONE)) }
+        if u < p_fibres { Ok(Lobe::wide("sheen")) } else { Err(((u - p_fibres) / (1.0 - p_fibres)).min(BELOW_ONE)) }
+    }
+
+    /// [`Lobe::alpha`] of its widest lobe, for reports.
+    pub fn widest_alpha(&self) -> f32 {
+        if self.table.is_some() { 1.0 } else { self.base.widest_alpha() }
     }
 }
 

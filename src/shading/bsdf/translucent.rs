@@ -22,7 +22,7 @@ use super::finish::{Fine, Finish};
 use super::fresnel::{SCHLICK_AVERAGE, schlick, schlick_weight};
 use super::glossy::GlossyParams;
 use super::microfacet::{ALPHA_DELTA, half_vector, reflect};
-use super::model::{BsdfEval, BsdfSample};
+use super::model::{BsdfEval, BsdfSample, Lobe};
 use crate::math::warp;
 
 /// What the base lets through.
@@ -76,6 +76,11 @@ impl<'t> Translucent<'t> {
         self.finish.alpha() < ALPHA_DELTA
     }
 
+    /// What the lobe of its facets is made of.
+    pub fn lobe_of_facets(&self) -> (&GlossyParams, Fine) {
+        (&self.params, self.finish)
+    }
+
     /// Whether light passes: the frame is then the outward one.
     #[inline(always)]
     pub fn is_transmissive(&self) -> bool {
@@ -123,16 +128,13 @@ impl<'t> Translucent<'t> {
     /// What the coat leaves to the base of light to or from `w`, above the surface.
     #[inline(always)]
     fn left(&self, w: Vec3) -> f32 {
-        let sin2 = w.x * w.x + w.y * w.y;
-        let (x, y) = (self.finish.alpha.x * w.x, self.finish.alpha.y * w.y);
-        let alpha = if sin2 > 0.0 { ((x * x + y * y) / sin2).sqrt() } else { self.mean_alpha() };
-        let alpha = if self.is_mirror() { 0.0 } else { alpha };
+        let alpha = if self.is_mirror() { 0.0 } else { self.finish.alpha_towards(w) };
         self.tables.complement(alpha, self.coat_f0, self.params.f90).at(w.z)
     }
 
     #[inline(always)]
     fn mean_alpha(&self) -> f32 {
-        if self.is_mirror() { 0.0 } else { (self.finish.alpha.x * self.finish.alpha.y).sqrt() }
+        if self.is_mirror() { 0.0 } else { self.finish.mean_alpha() }
     }
 
     /// What the coat leaves to the base of light between two directions above the surface.
@@ -186,6 +188,16 @@ impl<'t> Translucent<'t> {
         BsdfEval { f_cos, pdf_sa }
     }
 
+    /// The part of [`eval`](Self::eval) that the base reflects; what it lets through is no part of it.
+    pub fn diffuse(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        let flip = Vec3::new(1.0, 1.0, if wo.z < 0.0 { -1.0 } else { 1.0 });
+        let (o, i) = (wo * flip, wi * flip);
+        if !(o.z > 0.0 && i.z > 0.0) || flip.z < 0.0 && !self.is_transmissive() {
+            return Vec3::ZERO;
+        }
+        self.base()[0] * (i.z * FRAC_1_PI * self.split(o, i))
+    }
+
     /// Draws a direction; `u` = lobe, u, v.
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
@@ -218,13 +230,17 @@ impl<'t> Translucent<'t> {
     }
 
     /// The lobe that a sample came from, for reports.
-    pub fn lobe(&self, wo: Vec3, u: f32, reflected: bool) -> &'static str {
+    pub fn lobe(&self, wo: Vec3, u: f32, reflected: bool) -> Lobe {
         let o = Vec3::new(wo.x, wo.y, wo.z.abs());
-        match (u < self.shares(o)[0], reflected, self.is_mirror()) {
-            (true, _, true) => "mirror",
-            (true, _, false) => "rough specular",
-            (false, true, _) => "diffuse base",
-            (false, false, _) => "diffuse transmission",
+        match (u < self.shares(o)[0], reflected) {
+            (true, _) => Lobe::specular(self.finish.alpha()),
+            (false, true) => Lobe::wide("diffuse base"),
+            (false, false) => Lobe::wide("diffuse transmission"),
         }
+    }
+
+    /// [`Lobe::alpha`] of its widest lobe, for reports.
+    pub fn widest_alpha(&self) -> f32 {
+        if self.base() == [Vec3::ZERO; 2] { Lobe::specular(self.finish.alpha()).alpha } else { 1.0 }
     }
 }

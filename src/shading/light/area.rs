@@ -209,6 +209,17 @@ impl AreaLight {
         }
     }
 
+    /// Unit normal of the side that emits.
+    #[inline(always)]
+    pub fn normal(&self) -> Vec3 {
+        Vec3::from(self.n_g)
+    }
+
+    /// A point, uniform by area, for nobody: its direction is none and its density 0.
+    pub fn uniform(&self, uv: [f32; 2]) -> AreaPoint {
+        AreaPoint { pdf_sa: 0.0, ..self.point(Vec3::NAN, uv) }
+    }
+
     /// A point for the receiver `p`, in plain numbers: the columns of a kernel call it lane by lane.
     #[inline(always)]
     pub fn point(&self, p: Vec3, uv: [f32; 2]) -> AreaPoint {
@@ -233,6 +244,7 @@ impl AreaLight {
     pub fn sample(&self, emission: &Emission, p: Vec3, uv: [f32; 2]) -> Option<LightSample> {
         let AreaPoint { wi, position, normal, error, pdf_sa, barycentric } = self.point(p, uv);
         (pdf_sa > 0.0).then(|| LightSample {
+            light: 0,
             wi,
             target: Some(LightPoint { position, normal, error }),
             radiance: emission.radiance,

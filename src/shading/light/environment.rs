@@ -117,17 +117,24 @@ impl EnvironmentLight {
             Err(TableError::Empty) => return Ok(None),
             Err(error) => return Err(Error::Option { option: "--env", problem: error.to_string() }),
         };
-        Ok(Some(EnvironmentLight {
+        let mut light = EnvironmentLight {
             width: width as u32,
             height: height as u32,
             texels: Arc::clone(texels),
             intensity,
-            turn: (f64::from(rotation_rad) / std::f64::consts::TAU).rem_euclid(1.0) as f32,
+            turn: 0.0,
             density,
             cos_edges: (0..=height).map(|row| edge(row).cos()).collect(),
             per_steradian: (0..height).map(|row| (1.0 / row_solid_angle(row)) as f32).collect(),
             fluence: fluence * f64::from(intensity),
-        }))
+        };
+        light.turn(rotation_rad);
+        Ok(Some(light))
+    }
+
+    /// Turns the map about +Y, as [`Environment::rotation_rad`] says.
+    pub fn turn(&mut self, rotation_rad: f32) {
+        self.turn = (f64::from(rotation_rad) / std::f64::consts::TAU).rem_euclid(1.0) as f32;
     }
 
     /// What counts against other lights, W/m²: the irradiance of a receiver under the mean cosine of a hemisphere.
@@ -140,6 +147,7 @@ impl EnvironmentLight {
     pub fn sample(&self, [u, v]: [f32; 2]) -> LightSample {
         let drawn = self.draw(&[u], &[v]);
         LightSample {
+            light: 0,
             wi: Vec3::from_array(drawn.wi.map(|[axis]| axis)),
             target: None,
             radiance: Vec3::from_array(self.lookup(&drawn.points, 1).map(|[channel]| channel)),

@@ -13,7 +13,9 @@ use crate::math::table::TableError;
 use crate::scene::Scene;
 use crate::scene::geometry::Geometry;
 
+pub mod aim;
 pub mod area;
+pub mod emit;
 pub mod environment;
 pub mod grow;
 pub mod punctual;
@@ -129,6 +131,13 @@ impl Lights {
         }
     }
 
+    /// Turns the environment about +Y; as much light comes from it, so that nothing is weighed anew.
+    pub fn turn_environment(&mut self, rotation_rad: f32) {
+        if let Some(light) = &mut self.environment {
+            light.turn(rotation_rad);
+        }
+    }
+
     /// How many lights of each kind there are.
     pub fn counts(&self) -> LightCounts {
         LightCounts {
@@ -174,6 +183,7 @@ impl Lights {
         } else {
             self.environment.as_ref().map(|light| light.sample(uv))
         }?;
+        sample.light = chosen.light;
         sample.pdf_sa *= chosen.p_select;
         (sample.pdf_sa > 0.0 && sample.pdf_sa < f32::INFINITY).then_some(sample)
     }
@@ -212,6 +222,11 @@ impl Lights {
         &self.areas
     }
 
+    /// The triangle of the world mesh that a light is, or the first of two; `None` for other kinds of light.
+    pub fn triangle(&self, light: u32) -> Option<u32> {
+        self.members.get(light as usize).map(|members| members.first)
+    }
+
     /// What a material emits.
     #[inline(always)]
     pub fn emission(&self, material: u32) -> &Emission {
@@ -228,6 +243,12 @@ impl Lights {
     #[inline]
     pub fn environment_radiance(&self, dir: Vec3) -> Vec3 {
         self.environment.as_ref().map_or(Vec3::ZERO, |light| light.radiance(dir))
+    }
+
+    /// Number of the environment, where there is one.
+    #[inline(always)]
+    pub fn environment_number(&self) -> u32 {
+        (self.areas.len() + self.punctual.len()) as u32
     }
 
     /// The environment, if there is one that is not black.

@@ -2,7 +2,9 @@
 //!
 //! The spot falls off with the square of the cosine's linear ramp between the inner and the outer angle, as the
 //! extension's text has it; a cone whose angles are equal ends at a sharp edge (no least width, which would dim narrow
-//! cones). Where the file states a `range`, light ends there by the window that the text recommends.
+//! cones). Where the file states a `range`, light ends there by the window that the text recommends. Point lights with
+//! a photometric profile (`EXT_lights_ies`) send shares of their intensity by direction; they are chosen by the
+//! largest.
 
 use std::f64::consts::PI;
 
@@ -10,13 +12,13 @@ use glam::Vec3;
 
 use super::grow::Emitter;
 use super::sample::{LightPoint, LightSample, channel_mean, is_radiance};
-use crate::scene::light::{PunctualKind, PunctualLight};
+use crate::scene::light::{Aimed, PunctualKind, PunctualLight};
 
 /// Largest reach of a spot, rad: short of π/2, where its bound would be 0.
 const WIDEST_REACH: f64 = 1.5;
 
 /// A punctual light, checked.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Light {
     position: Vec3,
     direction: Vec3,
@@ -24,12 +26,14 @@ pub struct Light {
     kind: PunctualKind,
     /// Square of the range, m²; infinite where there is none.
     range2: f32,
+    /// Of a point light.
+    profile: Option<Aimed>,
 }
 
 impl Light {
     /// Checks the numbers of a light; the error says which one is wrong.
     pub fn new(light: &PunctualLight) -> Result<Self, String> {
-        let &PunctualLight { position, direction, intensity, kind, range_m, .. } = light;
+        let &PunctualLight { position, direction, intensity, kind, range_m, ref profile, .. } = light;
         if !is_radiance(intensity) {
             return Err(format!("intensity is {intensity}, expected finite and >= 0"));
         }
@@ -52,7 +56,7 @@ impl Light {
         if !(range_m > 0.0) {
             return Err(format!("range is {range_m} m, expected one above 0"));
         }
-        Ok(Light { position, direction, intensity, kind, range2: range_m * range_m })
+        Ok(Light { position, direction, intensity, kind, range2: range_m * range_m, profile: profile.clone() })
     }
 
     /// What the choice of a light has to know; `None` for a directional light.
@@ -79,26 +83,63 @@ impl Light {
     /// What arrives at `p`; the density is 1, for the one direction there is. `None` outside of a cone.
     #[inline]
     pub fn sample(&self, p: Vec3) -> Option<LightSample> {
-        let delta =
-            |wi, target, radiance| LightSample { wi, target, radiance, texture_point: None, pdf_sa: 1.0, delta: true };
+        let delta = |wi, target, radiance| LightSample {
+            light: 0,
+            wi,
+            target,
+            radiance,
+            texture_point: None,
+            pdf_sa: 1.0,
+            delta: true,
+        };
         if self.kind == PunctualKind::Directional {
             return Some(delta(-self.direction, None, self.intensity));
         }
         let to_light = self.position - p;
         let distance2 = to_light.length_squared();
         let wi = to_light / distance2.sqrt();
-        let ramp = match self.kind {
-            PunctualKind::Spot { cos_inner, cos_outer } => ramp(-wi.dot(self.direction), cos_inner, cos_outer),
-            _ => 1.0,
-        };
-        // 1 without a range.
-        let share = distance2 / self.range2;
-        let window = (1.0 - share * share).max(0.0);
-        let radiance = self.intensity * (ramp * ramp / distance2 * window);
+        let radiance = self.intensity * (self.share(-wi) / distance2 * self.window(distance2));
         // At the light itself there is no direction to it.
         let lit = radiance.max_element() > 0.0 && radiance.is_finite();
         let target = LightPoint { position: self.position, normal: Vec3::ZERO, error: 0.0 };
         lit.then(|| delta(wi, Some(target), radiance))
+    }
+
+    /// Where it is; `None` of a directional light.
+    #[inline]
+    pub fn place(&self) -> Option<Vec3> {
+        (self.kind != PunctualKind::Directional).then_some(self.position)
+    }
+
+    /// Where a directional light shines.
+    pub fn direction(&self) -> Vec3 {
+        self.direction
+    }
+
+    /// What it sends in the unit direction `dir` before its [`window`](Self::window), W/sr; irradiance across its
+    /// direction, W/m², of a directional light.
+    pub fn sent(&self, dir: Vec3) -> Vec3 {
+        self.intensity * self.share(dir)
+    }
+
+    /// What its range leaves at a squared distance of `distance2`; 1 without a range.
+    #[inline(always)]
+    pub fn window(&self, distance2: f32) -> f32 {
+        let share = distance2 / self.range2;
+        (1.0 - share * share).max(0.0)
+    }
+
+    /// What the cone or the profile leaves in a unit direction; 1 without one.
+    #[inline(always)]
+    fn share(&self, dir: Vec3) -> f32 {
+        match (self.kind, &self.profile) {
+            (PunctualKind::Spot { cos_inner, cos_outer }, _) => {
+                let ramp = ramp(dir.dot(self.direction), cos_inner, cos_outer);
+                ramp * ramp
+            }
+            (PunctualKind::Point, Some(Aimed { profile, light_from_world })) => profile.at(*light_from_world * dir),
+            _ => 1.0,
+        }
     }
 }
 

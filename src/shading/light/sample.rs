@@ -5,6 +5,8 @@ use glam::Vec3;
 /// A point on a light, drawn for a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
+    /// Number of the light; 0 until it is chosen among others.
+    pub light: u32,
     /// Unit direction from the receiver to the light.
     pub wi: Vec3,
     /// Where the light is hit; `None` for lights at infinity.

@@ -21,7 +21,7 @@ pub(crate) enum Place {
     TextureInfo,
     /// In `/textures`.
     Texture,
-    /// At the root and in nodes.
+    /// At the root and in nodes or scenes.
     Node,
     /// Nowhere: it widens what other members may be.
     None,

@@ -69,6 +69,7 @@ pub(crate) fn read(document: &Document, node: &Placed, index: usize, origin: DVe
         intensity,
         kind,
         range_m,
+        profile: None,
     })
 }
 

@@ -4,6 +4,8 @@
 //! A new extension of materials: its file here and its line in [`ALL`], its numbers in `scene::material::parameters`,
 //! its textures in `scene::material::slot`.
 
+pub(super) mod ext_lights_ies;
+pub(super) mod ext_lights_image_based;
 pub(super) mod ext_mesh_gpu_instancing;
 #[cfg(feature = "meshopt")]
 mod ext_meshopt_compression;
@@ -46,6 +48,8 @@ use crate::scene::Material;
 
 /// Every extension that is read.
 const ALL: &[Extension] = &[
+    ext_lights_ies::EXTENSION,
+    ext_lights_image_based::EXTENSION,
     ext_mesh_gpu_instancing::EXTENSION,
     #[cfg(feature = "meshopt")]
     ext_meshopt_compression::EXT,
