@@ -90,7 +90,7 @@ fn extra_outputs_leave_the_picture_alone() {
     }
     let (plain, full) = (plain.render().expect("renders"), full.render().expect("renders"));
     assert_eq!(plain.film.hash(), full.film.hash());
-    assert_eq!((plain.film.planes().len(), full.film.planes().len()), (0, 12));
+    assert_eq!((plain.film.planes().len(), full.film.planes().len()), (0, 23));
     assert!(full.counters.rays_camera > plain.counters.rays_camera);
 }
 

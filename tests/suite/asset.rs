@@ -25,7 +25,8 @@ use crate::common::{options, render, shared};
 const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/flight-helmet.json");
 
 const SIZE: (u32, u32) = (64, 80);
-const BLOCK: u32 = 8;
+/// Side of a block, pixels.
+pub const BLOCK: u32 = 8;
 /// Samples per pixel of the test, and of the golden.
 const SPP: (u64, u64) = (128, 4096);
 const SEED: (u64, u64) = (11, 29);
@@ -35,14 +36,59 @@ const FALSE_ALARMS: f64 = 1e-4;
 /// Share of a block that is not put down to noise.
 const TOLERANCE: f64 = 0.003;
 
+/// A picture as its blocks.
 #[derive(Serialize, Deserialize)]
-struct Golden {
+pub struct Golden {
     /// What to do to get it.
-    recipe: String,
+    pub recipe: String,
     /// Row-major from the top left: mean by channel, W·sr⁻¹·m⁻².
-    mean: Vec<[f64; 3]>,
+    pub mean: Vec<[f64; 3]>,
     /// Variance of each mean.
-    variance: Vec<[f64; 3]>,
+    pub variance: Vec<[f64; 3]>,
+}
+
+impl Golden {
+    /// Of a picture of this size, to six digits.
+    pub fn of(film: &Film, size: (u32, u32), recipe: String) -> Self {
+        let short = |values: Vec<[f64; 3]>| {
+            let digits = |x: f64| format!("{x:.5e}").parse().expect("a number that was just written");
+            values.into_iter().map(|value| value.map(digits)).collect()
+        };
+        let (mean, variance) = blocks(film, size);
+        Golden { recipe, mean: short(mean), variance: short(variance) }
+    }
+}
+
+/// What a picture is held against a golden for.
+pub struct Judged {
+    /// Largest t of a block.
+    pub worst: f64,
+    /// What is over the limit.
+    pub faults: Vec<String>,
+    /// Relative error that a block could have without being over it, in the mean.
+    pub sees: f64,
+}
+
+/// Holds a picture of this size against its golden; `limit` is that of t.
+pub fn judge(film: &Film, size: (u32, u32), golden: &Golden, limit: f64) -> Judged {
+    let (means, variances) = blocks(film, size);
+    assert_eq!(means.len(), golden.mean.len());
+    let mut judged = Judged { worst: 0.0, faults: Vec::new(), sees: 0.0 };
+    for (place, (mean, variance)) in means.iter().zip(&variances).enumerate() {
+        for c in 0..3 {
+            let (expected, noise) = (golden.mean[place][c], (variance[c] + golden.variance[place][c]).sqrt());
+            // Blocks that show nothing but a constant have no noise.
+            let rest = ((mean[c] - expected).abs() - TOLERANCE * expected).max(0.0);
+            let t = if rest > 0.0 { rest / noise } else { 0.0 };
+            judged.worst = judged.worst.max(t);
+            judged.sees += limit * noise / expected / (3 * means.len()) as f64;
+            if t > limit {
+                let (x, y) = (place as u32 % (size.0 / BLOCK), place as u32 / (size.0 / BLOCK));
+                judged.faults.push(format!("block {x},{y} channel {c}: {} expected {expected}, t = {t:.1}", mean[c]));
+            }
+        }
+    }
+    judged
 }
 
 /// The asset and its light, looked at from the front left; `None` with a message where it is absent.
@@ -71,11 +117,11 @@ fn helmet() -> Option<Scene> {
 }
 
 /// Means and variances of the blocks.
-fn blocks(film: &Film) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+fn blocks(film: &Film, size: (u32, u32)) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     let n = f64::from(BLOCK * BLOCK);
     let (mut means, mut variances) = (Vec::new(), Vec::new());
-    for by in (0..SIZE.1).step_by(BLOCK as usize) {
-        for bx in (0..SIZE.0).step_by(BLOCK as usize) {
+    for by in (0..size.1).step_by(BLOCK as usize) {
+        for bx in (0..size.0).step_by(BLOCK as usize) {
             let (mut mean, mut variance) = ([0.0; 3], [0.0; 3]);
             for (x, y) in (0..BLOCK * BLOCK).map(|i| (bx + i % BLOCK, by + i / BLOCK)) {
                 let pixel = film.pixel(x, y);
@@ -104,21 +150,7 @@ fn flight_helmet_looks_as_it_did() {
     let limit = t_limit(f64::from(BLOCK * BLOCK), FALSE_ALARMS / (3 * golden.mean.len()) as f64);
     for &backend in BackendKind::available().iter().filter(|kind| **kind != BackendKind::Brute) {
         let film = picture(&scene, backend, SPP.0, SEED.0);
-        let (means, variances) = blocks(&film);
-        assert_eq!(means.len(), golden.mean.len());
-        let (mut worst, mut faults, mut sees) = (0.0f64, Vec::new(), 0.0);
-        for (place, (mean, variance)) in means.iter().zip(&variances).enumerate() {
-            for c in 0..3 {
-                let (expected, noise) = (golden.mean[place][c], (variance[c] + golden.variance[place][c]).sqrt());
-                let t = ((mean[c] - expected).abs() - TOLERANCE * expected).max(0.0) / noise;
-                worst = worst.max(t);
-                sees += limit * noise / expected / (3 * means.len()) as f64;
-                if t > limit {
-                    let (x, y) = (place as u32 % (SIZE.0 / BLOCK), place as u32 / (SIZE.0 / BLOCK));
-                    faults.push(format!("block {x},{y} channel {c}: {} expected {expected}, t = {t:.1}", mean[c]));
-                }
-            }
-        }
+        let Judged { worst, faults, sees } = judge(&film, SIZE, &golden, limit);
         println!(
             "{}: worst t {worst:.2} of {limit:.2}; blocks are known to {:.1} % in the mean",
             backend.name(),
@@ -138,23 +170,16 @@ fn flight_helmet_looks_as_it_did() {
 #[ignore = "`make golden` runs it: it writes tests/golden"]
 fn write() {
     let scene = helmet().expect("the golden is made from the asset");
-    let (mean, variance) = blocks(&picture(&scene, BackendKind::available()[0], SPP.1, SEED.1));
-    let short = |values: Vec<[f64; 3]>| {
-        let digits = |x: f64| format!("{x:.5e}").parse().expect("a number that was just written");
-        values.into_iter().map(|value| value.map(digits)).collect()
-    };
-    let golden = Golden {
-        recipe: format!(
-            "make golden; {}x{} pixels in blocks of {BLOCK}, {} samples per pixel, seed {}, box filter, {}",
-            SIZE.0,
-            SIZE.1,
-            SPP.1,
-            SEED.1,
-            BackendKind::available()[0].name()
-        ),
-        mean: short(mean),
-        variance: short(variance),
-    };
+    let film = picture(&scene, BackendKind::available()[0], SPP.1, SEED.1);
+    let recipe = format!(
+        "make golden; {}x{} pixels in blocks of {BLOCK}, {} samples per pixel, seed {}, box filter, {}",
+        SIZE.0,
+        SIZE.1,
+        SPP.1,
+        SEED.1,
+        BackendKind::available()[0].name()
+    );
+    let golden = Golden::of(&film, SIZE, recipe);
     let path = PathBuf::from(GOLDEN);
     std::fs::create_dir_all(path.parent().expect("a folder")).expect("the checkout is writable");
     let text = serde_json::to_string(&golden).expect("plain numbers").replace("],[", "],\n[");

@@ -97,7 +97,7 @@ fn bench(arguments: &[&str]) -> std::process::Output {
     command.output().expect("the binary starts")
 }
 
-/// Oracle: the contract (DESIGN §8), and what the numbers mean.
+/// Oracle: the keys of the contract, and what the numbers mean.
 #[test]
 fn the_report_has_the_keys_that_programs_read() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -148,4 +148,41 @@ fn usage_errors_come_before_any_work() {
         let output = bench(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     }
+}
+
+/// Oracle: the definitions of the columns, and the names of the scenes. The three smallest of the suite, and a file.
+#[test]
+fn the_suite_is_a_table_of_backends_and_scenes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let map = folder.path().join("heat.svg");
+    let mut arguments = vec!["--suite", "--suite-triangles", "400", "--width", "16", "--height", "16", "-t", "2", "-q"];
+    let mut table = arguments.clone();
+    arguments.extend(["--json", "-o", map.to_str().expect("a plain name")]);
+    let output = bench(&arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    let rows = report["scenes"].as_array().expect("a list");
+    let names: Vec<&str> = rows.iter().map(|row| row["name"].as_str().expect("a name")).collect();
+    assert_eq!(names[..3], ["boxes-in-the-open", "room-of-8-boxes", "room-of-30-boxes"]);
+    assert!(names.len() == 4 && names[3].ends_with("scene.gltf"), "{names:?}");
+    let parts: Vec<&str> = rows.iter().map(|row| row["part"].as_str().expect("a part")).collect();
+    assert_eq!(parts, ["fit", "test", "fit", "file"]);
+    for row in rows {
+        let timed = row["timed"].as_array().expect("a list");
+        let over: Vec<f64> = timed.iter().map(|timed| timed["over_fastest"].as_f64().expect("a number")).collect();
+        assert_eq!(over.iter().copied().fold(f64::INFINITY, f64::min), 1.0, "{over:?}");
+        let chosen = timed.iter().position(|timed| timed["name"] == row["chosen"]).expect("the choice is measured");
+        assert_eq!(row["chosen_over_fastest"], over[chosen]);
+        assert!(row["reason"].as_str().is_some_and(|reason| !reason.is_empty()));
+    }
+    let verdicts = report["verdicts"].as_array().expect("a list");
+    let fastest: u64 = verdicts.iter().map(|verdict| verdict["fastest"].as_u64().expect("a number")).sum();
+    assert_eq!((verdicts.len(), fastest), (BackendKind::available().len(), 4));
+    let drawing = std::fs::read_to_string(&map).expect("the map");
+    assert!(drawing.starts_with("<svg") && names.iter().all(|name| drawing.contains(name)));
+
+    table[2] = "110";
+    let output = bench(&table);
+    let text = String::from_utf8(output.stdout).expect("text");
+    assert!(output.status.success() && text.contains("room-of-8-boxes") && text.contains("within 5 %"), "{text}");
 }

@@ -326,6 +326,33 @@ fn absurd_numbers_are_answered_at_once() {
     assert!(begin.elapsed() < Duration::from_secs(40), "{:?}", begin.elapsed());
 }
 
+/// `--time` bounds checks and benchmarks, whatever else is asked for; what they did then is in their records. Whether
+/// the check agrees is not judged here: its samples depend on the clock.
+#[test]
+fn time_bounds_checks_and_benchmarks() {
+    let (scene, begin) = (cornell_box(), Instant::now());
+    let verify = |args: &[&str]| run(&[&["verify", text(&scene), "--json", "--width", "8"], args].concat());
+    let record = |output: &Output| serde_json::from_slice::<serde_json::Value>(&output.stdout).expect("a record");
+    // A machine that is slow or busy solves nothing in 2 s.
+    let within = |time: &&str| verify(&["--patches", "16", "--spp", "16777216", "--time", time]);
+    let output = ["2s", "6s", "18s"].iter().map(within).find(|output| output.status.code() != Some(2));
+    let output = output.expect("342 patches are solved in 18 s");
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", err(&output));
+    let spp = record(&output)["spp"].as_u64().expect("a number");
+    assert!((2..16_777_216).contains(&spp), "{spp}");
+    let output = verify(&["--patches", "4000", "--time", "10ms"]);
+    assert_eq!(output.status.code(), Some(2), "{}", err(&output));
+    assert!(err(&output).contains("--time") && err(&output).contains("--patches"), "{}", err(&output));
+
+    let args = ["--json", "-q", "--width", "100", "--spp", "65536", "--pairs", "1000", "--time", "2s"];
+    let output = run(&[&["bench", text(&scene)][..], &args].concat());
+    assert!(output.status.success(), "{}", err(&output));
+    let frame = record(&output)["frame"].clone();
+    let [spp, pairs] = ["spp", "pairs"].map(|name| frame[name].as_u64().expect("a number"));
+    assert!((1..65_536).contains(&spp) && (1..1000).contains(&pairs), "{frame}");
+    assert!(begin.elapsed() < Duration::from_secs(200), "{:?}", begin.elapsed());
+}
+
 /// What a render takes is known before it is taken: what `-v` and the statistics state is what the process then held,
 /// and what does not fit is refused by one line with the numbers. Oracle: the system's count of resident bytes.
 #[test]

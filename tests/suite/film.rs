@@ -27,15 +27,17 @@ fn gradient(resolution: (u32, u32), window: Crop) -> Film {
 /// A film of 4 × 3 pixels with two samples from number 32 on and a value in every layer.
 fn layered() -> Film {
     let window = Crop { x: 0, y: 0, width: 4, height: 3 };
-    let mut film = Film::with_layers((4, 3), window, &Aov::all().collect::<Vec<_>>());
+    let mut film = Film::with_groups((4, 3), window, &Aov::all().collect::<Vec<_>>(), &["default".into()]);
     film.first_sample = 32;
     film.pixels = gradient((4, 3), window).pixels;
     for plane in film.planes_mut() {
         for p in 0..12 {
             let values = plane.pixel_mut(p);
             match values.len() {
+                0 => {}
                 // Sums of two samples: paths of e edges bring e.
                 51 => values.iter_mut().enumerate().for_each(|(i, value)| *value = 2.0 * (i / 3) as f64),
+                6 => values.copy_from_slice(&[3.0, 4.0, 5.0, 1.0, 2.0, 3.0]),
                 _ => values.copy_from_slice(&[4.0, 6.0, 8.0]),
             }
         }
@@ -80,14 +82,21 @@ fn attributes_and_channels_are_those_of_the_contract() {
 
     let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
     let bounces = (0..15).map(|k| format!("bounce_{k:02}")).chain(["bounce_tail".into()]);
-    let mut expected: Vec<String> = ["variance", "stderr", "emission", "direct", "indirect", "albedo", "background"]
-        .map(String::from)
-        .into_iter()
-        .chain(bounces)
-        .flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}.{c}")))
-        .chain(["R", "G", "B", "A", "spp.Y", "Z", "N.X", "N.Y", "N.Z", "Ng.X", "Ng.Y", "Ng.Z"].map(String::from))
-        .chain(["P.X", "P.Y", "P.Z", "UV.U", "UV.V", "coverage.Y"].map(String::from))
-        .collect();
+    let mut expected: Vec<String> =
+        ["variance", "stderr", "emission", "direct", "indirect", "albedo", "background", "denoise_albedo"]
+            .map(String::from)
+            .into_iter()
+            .chain(bounces)
+            .chain(["diffuse", "glossy", "transmission", "volume", "lightgroup_default"].map(String::from))
+            .flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}.{c}")))
+            .chain(["R", "G", "B", "A", "spp.Y", "Z", "N.X", "N.Y", "N.Z", "Ng.X", "Ng.Y", "Ng.Z"].map(String::from))
+            .chain(["P.X", "P.Y", "P.Z", "UV.U", "UV.V", "motion.X", "motion.Y", "coverage.Y"].map(String::from))
+            .chain(["X", "Y", "Z"].map(|c| format!("denoise_normal.{c}")))
+            .chain(["object", "material", "asset"].into_iter().flat_map(|names| {
+                let channel = move |i: usize| format!("crypto_{names}{:02}.{}", i / 4, ["R", "G", "B", "A"][i % 4]);
+                (0..12).map(channel)
+            }))
+            .collect();
     expected.sort();
     assert_eq!(names, expected);
     let channel = |name: &str| -> Vec<f32> {
@@ -101,6 +110,7 @@ fn attributes_and_channels_are_those_of_the_contract() {
     assert_eq!((channel("bounce_00.G"), channel("bounce_14.R")), (vec![1.0; 12], vec![15.0; 12]));
     assert_eq!(channel("bounce_tail.B"), vec![(LENGTHS - 1) as f32; 12]);
     assert_eq!((channel("N.Z"), channel("Z"), channel("P.Y")), (vec![4.0; 12], vec![4.0; 12], vec![6.0; 12]));
+    assert_eq!((channel("denoise_albedo.G"), channel("denoise_normal.Z")), (vec![3.0; 12], vec![4.0; 12]));
     for (max_depth, count) in [(1, 3), (15, 45), (16, 48), (17, 48)] {
         assert_eq!(film.channels(&[Aov::BOUNCES], max_depth).len(), count);
     }

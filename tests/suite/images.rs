@@ -91,8 +91,6 @@ fn a_set_of_four_times_the_budget_stays_within_it() {
         let stats = directory.path().join("stats.json");
         let output = Command::new(env!("CARGO_BIN_EXE_pathspace"))
             .env("TMPDIR", temporary.path())
-            // What is held, without what the allocator keeps of freed images, which differs by machine (64.6, 71.2 MB).
-            .env("MALLOC_MMAP_THRESHOLD_", "65536")
             .args(["render", "--width", "480", "--height", "40", "--spp", "16", "--threads", "2"])
             .args(["--texture-memory", &megabytes.to_string()])
             .arg(scene)

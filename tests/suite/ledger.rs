@@ -93,3 +93,56 @@ fn other_biases_are_listed_by_name() {
     assert_eq!(what.len(), 3, "{what:?}");
     assert!(what[1].contains("punctual") && what[2].contains("index of refraction 40"), "{what:?}");
 }
+
+/// A mirror, glass, and lamps in a room; the lamps are `shine` bright.
+fn lamps(mirror: Option<f32>, glass: Option<f32>, shine: f32) -> Scene {
+    let mut b = SceneBuilder::new();
+    let white = b.lambert(Vec3::splat(0.5));
+    b.cuboid(Vec3::splat(-1.0), Vec3::splat(1.0), true, white);
+    if let Some(alpha) = mirror {
+        let metal = b.metal(Vec3::splat(0.9), alpha);
+        b.sphere(Vec3::ZERO, 0.2, 4, false, false, metal);
+    }
+    if let Some(ior) = glass {
+        let glass = b.glass(ior);
+        b.sphere(Vec3::new(0.5, 0.0, 0.0), 0.2, 4, false, false, glass);
+    }
+    let lamp = b.emitter(Vec3::ZERO, Vec3::ONE);
+    b.quad([[-0.3, 0.99, -0.3], [0.3, 0.99, -0.3], [0.3, 0.99, 0.3], [-0.3, 0.99, 0.3]].map(Vec3::from), lamp);
+    b.point_light(Vec3::new(0.0, 0.9, 0.0), Vec3::splat(shine));
+    b.camera(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.3, 0.1), Vec3::Y, 1.0);
+    let mut scene = b.build();
+    scene.punctual[0].name = "bulb\u{1b}".into();
+    for (material, name) in scene.materials.iter_mut().skip(1).zip(["first ball", "second ball"]) {
+        material.name = name.into();
+    }
+    scene
+}
+
+/// Light without extent by way of mirrors and smooth glass is found by no technique: each strategy says so, in `info`
+/// and in the statistics; where there is no such light or no such surface, none does. Oracle: the list of techniques.
+#[test]
+fn punctual_light_by_way_of_mirrors_and_glass_is_listed() {
+    let plan = |scene: &Scene, strategy| {
+        let renderer = Renderer::new(scene, options(8, 8, 2).strategy(strategy)).expect("valid options");
+        let text = renderer.plan().to_string();
+        let listed = stats(scene, options(8, 8, 2).strategy(strategy)).bias;
+        assert!(listed.iter().all(|bias| text.contains(&bias.what)), "{text}");
+        listed.into_iter().map(|bias| bias.what).filter(|what| what.contains("found")).collect::<Vec<_>>()
+    };
+    let both = lamps(Some(0.0), Some(1.5), 1.0);
+    for strategy in [Strategy::MIS, Strategy::MIS_BALANCE, Strategy::LIGHT] {
+        let [what] = &plan(&both, strategy)[..] else { panic!("one entry") };
+        for name in ["'first ball'", "'second ball'", "'bulb", "no technique"] {
+            assert!(what.contains(name), "{name}: {what}");
+        }
+        assert!(!what.contains('\u{1b}'), "{what}");
+    }
+    // BSDF sampling finds none of that light in any way.
+    assert_eq!(plan(&both, Strategy::BSDF), ["strategy bsdf: punctual lights are not found"]);
+    let lists = |mirror, glass, shine| !plan(&lamps(mirror, glass, shine), Strategy::MIS).is_empty();
+    assert!(lists(Some(0.0), None, 1.0) && lists(None, Some(1.5), 1.0));
+    // Diffuse and rough surfaces, no light, and glass that light goes straight through.
+    assert!(!lists(None, None, 1.0) && !lists(Some(0.1), None, 1.0) && !lists(Some(0.0), None, 0.0));
+    assert!(!lists(None, Some(1.0), 1.0));
+}

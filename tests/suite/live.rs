@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 /// Far more than any step takes.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn cornell_box() -> PathBuf {
+pub fn cornell_box() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box/scene.gltf")
 }
 
-fn pathspace(folder: &Path) -> Command {
+pub fn pathspace(folder: &Path) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("pathspace"));
     command.current_dir(folder).env_remove("SLURM_CPUS_PER_TASK");
     command
@@ -72,13 +72,15 @@ fn tev_is_shown_the_picture() {
 }
 
 /// A running `pathspace`, ended when dropped.
-struct Running {
+pub struct Running {
     child: Child,
-    address: String,
+    /// Host and port.
+    pub address: String,
 }
 
 impl Running {
-    fn start(folder: &Path, args: &[&str]) -> Self {
+    /// Starts it with `args`, and waits for the address of its page.
+    pub fn start(folder: &Path, args: &[&str]) -> Self {
         let mut child = pathspace(folder).args(args).stderr(Stdio::piped()).spawn().expect("the binary starts");
         let stderr = BufReader::new(child.stderr.take().expect("piped"));
         let (said, heard) = std::sync::mpsc::channel();
@@ -156,6 +158,13 @@ fn a_view_is_seen_moved_and_saved() {
         assert_eq!(*rgb, [0, 1, 2].map(|channel| shown(i, channel)), "pixel {i}: {line}");
     }
 
+    // Layers: those that need nothing gathered are always there.
+    assert_eq!(done["layers"][0], serde_json::json!({"name": "spp", "components": ["Y"]}));
+    let spp = view.get("/layer?number=0");
+    assert_eq!([0, 4, 8, 12].map(|at| number(&spp, at)), [16, 12, 1, 0], "columns, rows, channels, no colour");
+    assert!(spp[16..].chunks_exact(4).all(|value| value == 8f32.to_le_bytes()) && spp.len() == 16 + 4 * 16 * 12);
+    assert!(view.ask("GET /layer?number=99 HTTP/1.1\r\nHost: localhost\r\n\r\n").0.contains("503"));
+
     // Another view: only from the page itself, and only one that a camera can take.
     let mut moved = done["view"].clone();
     moved["azimuth"] = 150.0.into();
@@ -171,6 +180,23 @@ fn a_view_is_seen_moved_and_saved() {
     let turned = view.state(|state| state["done"] == true && state["view"]["azimuth"] == 150.0);
     assert!(turned["version"].as_u64() > done["version"].as_u64());
     assert!(view.get("/picture") != picture, "another camera sees another picture");
+
+    let camera = turned["camera"].as_str().expect("options");
+    assert!(camera.starts_with(" --camera-orbit=150,") && camera.contains(" --look-at="), "{camera}");
+
+    // A layer begins the render again, from where the camera stood at first.
+    let mut layered = done["home"].clone();
+    layered["layers"] = serde_json::json!(["colour"]);
+    assert!(post(&layered.to_string(), ours).starts_with("HTTP/1.1 400"));
+    layered["layers"] = serde_json::json!(["albedo"]);
+    assert!(post(&layered.to_string(), ours).starts_with("HTTP/1.1 200"));
+    let again = view.state(|state| state["done"] == true && state["layers"][3]["name"] == "albedo");
+    assert_eq!(again["camera"], " --camera-orbit 170,5 --aov albedo");
+    let albedo = view.get("/layer?number=3");
+    assert_eq!((number(&albedo, 8), number(&albedo, 12)), (3, 1), "a colour");
+    assert!(view.get("/picture") == picture, "the same view");
+    assert!(post(&moved.to_string(), ours).starts_with("HTTP/1.1 200"));
+    let turned = view.state(|state| state["done"] == true && state["view"]["azimuth"] == 150.0);
 
     // One that no camera can take after all leaves the last one, and the page goes on.
     let mut nowhere = moved.clone();

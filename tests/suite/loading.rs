@@ -8,6 +8,7 @@ mod compressed;
 mod content;
 pub mod fixture;
 mod hostile;
+mod lights;
 mod lobes;
 
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -72,7 +73,9 @@ fn shared_scenes_have_their_known_counts() {
 #[test]
 fn own_scenes_load_as_their_recipes_say() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes"));
-    for name in ["cornell-box", "veach-mis", "glass-caustics", "many-lights", "env-object", "interior", "in-motion"] {
+    let caustics = ["sun-on-chrome", "lamp-through-glass", "lamp-in-glass", "pool"];
+    let others = ["cornell-box", "veach-mis", "glass-caustics", "many-lights", "env-object", "interior", "in-motion"];
+    for name in others.into_iter().chain(caustics) {
         let recipe = std::fs::read_to_string(scenes.join(name).join("expect.toml")).expect("a recipe");
         let recipe: toml::Table = toml::from_str(&recipe).expect("valid TOML");
         let path = scenes.join(name).join(recipe["scene"].as_str().expect("a file name"));

@@ -14,7 +14,7 @@ use pathspace::render::{Keeper, Render, State, StopReason};
 use pathspace::{RenderOptions, Renderer};
 use serde_json::json;
 
-use crate::common::signal;
+use crate::common::{signal, wait_for_samples};
 use crate::loading::fixture::Fixture;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box/scene.gltf");
@@ -24,7 +24,7 @@ const KILLS: u64 = 10;
 
 /// Settings of the renders that are killed.
 const KILLED: [&str; 5] = [
-    "--aov bounces,albedo,Z",
+    "--aov bounces,albedo,Z,crypto_material",
     "--seed 7 --filter box -t 1",
     "--backend obvhs --max-depth 4",
     "--aov variance,spp --sampler independent",
@@ -194,6 +194,22 @@ fn signals_save_the_state_and_usr1_the_picture_so_far() {
     assert!(done > 0);
 }
 
+/// Slurm tells every process of a task, and its shell passes on to the render what it was told.
+#[test]
+fn signals_that_come_twice_are_one() {
+    for (name, code) in [("TERM", 143), ("HUP", 129)] {
+        let b = Bench::new();
+        let mut command = b.part("--time 60s -o a.exr --checkpoint 1h --progress ndjson");
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the binary starts");
+        wait_for_samples(&mut child);
+        // The second may come when all is done.
+        let twice = format!("kill -{name} {0}; sleep 0.01; kill -{name} {0}", child.id());
+        let _ = Command::new("sh").args(["-c", &twice]).stderr(Stdio::null()).status().expect("a shell");
+        assert_eq!(child.wait().expect("it ends").code(), Some(code));
+        assert!(b.path("a.exr").exists() && b.stat_of_resumed() > 0, "{name}");
+    }
+}
+
 impl Bench {
     /// Resumes `a.checkpoint` to twice its samples, and compares with one render; the samples that were done.
     fn stat_of_resumed(&self) -> u64 {
@@ -343,7 +359,7 @@ const SIXTEENTHS: [u64; 17] = [0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 
 #[test]
 fn parts_by_samples_are_joined_to_the_bits_of_one_render() {
     let b = Bench::new();
-    let aovs = "--aov bounces,albedo,Z,variance";
+    let aovs = "--aov bounces,albedo,Z,variance,crypto_object --filter mitchell";
     for (spp, splits) in [
         // Of 2, 3, 10 and 16 parts; of 7 and 3.
         (64, &[&[0, 32, 64][..], &[0, 16, 32, 64], &[0, 4, 8, 16, 20, 24, 28, 32, 48, 56, 64], &SIXTEENTHS][..]),
@@ -369,11 +385,17 @@ fn parts_by_samples_are_joined_to_the_bits_of_one_render() {
 #[test]
 fn parts_by_pixels_are_joined_to_the_bits_of_one_render() {
     let b = Bench::new();
-    b.run(0, b.render("--spp 12 --aov N,Z -o whole.exr"));
+    b.run(0, b.render("--spp 12 --aov N,Z,crypto_material -o whole.exr"));
     let windows = ["24x7+0+0", "10x13+0+7", "14x13+10+7"];
     for (i, window) in windows.iter().enumerate() {
-        b.run(0, b.part(&format!("--sample-range 0..8 --aov N,Z --crop {window} --checkpoint {i}.part")));
-        b.run(0, b.part(&format!("--sample-range 8..12 --aov N,Z --crop {window} --checkpoint {i}b.part")));
+        b.run(
+            0,
+            b.part(&format!("--sample-range 0..8 --aov N,Z,crypto_material --crop {window} --checkpoint {i}.part")),
+        );
+        b.run(
+            0,
+            b.part(&format!("--sample-range 8..12 --aov N,Z,crypto_material --crop {window} --checkpoint {i}b.part")),
+        );
     }
     b.merge(0, "0.part 1.part 2.part 2b.part 0b.part 1b.part --reproducible -o m.exr");
     assert_eq!(b.bytes("m.exr"), b.bytes("whole.exr"));
@@ -401,10 +423,10 @@ fn parts_that_do_not_belong_together_are_refused_by_name() {
     refused(2, "a.part b.part c.part", &["b.part", "c.part", "overlap"]);
     refused(2, "b.part a.part d.part", &["samples 8..12", "missing behind b.part", "--allow-gaps"]);
     refused(2, "b.part", &["samples 0..4", "missing"]);
-    refused(2, "a.part seed.part", &["a.part and seed.part differ in seed: 0, 2"]);
+    refused(2, "a.part seed.part", &["seed.part: its seed is 2, that of a.part is 0"]);
     refused(1, "a.part e.part", &["e.part"]);
     std::fs::write(b.path("text.part"), "text").expect("a writable folder");
-    refused(1, "a.part text.part", &["text.part"]);
+    refused(1, "a.part text.part", &["text.part: cannot restore: expected a saved state, found something else"]);
     // A part that was stopped between two passes, and one that does not begin where sums of its size do.
     let changed = |name: &str, change: &dyn Fn(&mut Checkpoint)| {
         let mut part = Checkpoint::restore(b.path("b.part")).expect("just saved");
@@ -412,12 +434,12 @@ fn parts_that_do_not_belong_together_are_refused_by_name() {
         part.save(b.path(name)).expect("a writable folder");
     };
     changed("stopped.part", &|part| part.about.goal.spp = Some(8));
-    refused(2, "a.part stopped.part", &["stopped.part was stopped after 4 of 8 samples"]);
+    refused(2, "a.part stopped.part", &["stopped.part: it was stopped after 4 of 8 samples"]);
     changed("odd.part", &|part| part.render.film.first_sample = 6);
-    refused(2, "a.part odd.part --allow-gaps", &["odd.part has 4 samples from 6 on", "no multiple"]);
+    refused(2, "a.part odd.part --allow-gaps", &["odd.part: it has 4 samples from 6 on", "no multiple"]);
     // A part has its state beside it; a picture is none.
     b.run(0, b.part("--sample-range 4..8 -o beside.exr"));
-    refused(2, "a.part beside.exr", &["beside.exr is a picture"]);
+    refused(2, "a.part beside.exr", &["beside.exr: it is a picture", "--sample-range A..B"]);
     b.merge(0, "a.part beside.checkpoint -o n.exr");
     b.merge(0, "a.part d.part --allow-gaps -o m.exr");
     let said = b.run(2, b.part("--sample-range 4..12 --checkpoint x.part"));
@@ -545,10 +567,11 @@ fn killed_sequences_go_on() {
 #[test]
 fn a_slurm_job_survives_a_warning() {
     let b = Bench::new();
-    let options = ["--width", "48", "--height", "40", "-q"];
+    // The last ones are the merge's: a part is no picture.
+    let options = ["--width", "48", "--height", "40", "-q", "--half", "--reproducible", "--colorspace", "acescg"];
     let farm =
         ["farm", "slurm", SCENE, "-q", "--spp", "192", "--tasks", "3", "-o", "m.exr", "--job", "it's a job", "--"];
-    b.run(0, b.command(&[&farm[..], &options].concat()));
+    b.run(0, b.command(&[&farm[..], &options, &["--png", "m.png", "--stats=m.json"]].concat()));
     // A stand-in for Slurm's own command says what it was called with.
     std::fs::write(b.path("scontrol"), "#!/bin/sh\necho \"$@\" >> requeued\n").expect("a writable folder");
     std::fs::write(b.path("sleep"), "#!/bin/sh\n").expect("a writable folder");
@@ -588,14 +611,34 @@ fn a_slurm_job_survives_a_warning() {
     merge.arg(b.path("it's a job/merge.sh")).current_dir(b.folder.path());
     b.run(0, merge);
     b.run(0, b.command(&[&["render", SCENE, "--spp", "192", "-o", "one.exr"][..], &options].concat()));
-    let picture = |name: &str| pathspace::film::exr::read_exr(&b.path(name)).expect("an EXR");
-    assert_eq!(picture("m.exr"), picture("one.exr"));
+    assert_eq!(b.bytes("m.exr"), b.bytes("one.exr"));
+    assert!(b.path("m.png").exists() && b.stat("m.json", "command") == "merge");
     let submit = String::from_utf8(b.bytes("it's a job/submit.sh")).expect("text");
     assert!(submit.contains("--dependency=afterok:$job"), "{submit}");
     // What a render refuses is refused before anything is written.
     let wrong = [&farm[..], &["--no-such-option"]].concat();
     assert!(b.run(2, b.command(&wrong)).contains("--no-such-option"));
     b.run(2, b.command(&[&farm[..], &["--progress", "none"]].concat()));
+    for unknown in [&["--jpg", "m.jpg"][..], &["--png", "m.png", "--transparent"], &["-o", "part.exr"]] {
+        assert!(b.run(2, b.command(&[&farm[..], unknown].concat())).contains("a part is no picture"));
+    }
+}
+
+/// The array of a sequence: its frames, and no states once they are there.
+#[test]
+fn a_slurm_sequence_leaves_its_frames_alone() {
+    let b = Bench::new();
+    let farm = ["farm", "slurm", SCENE, "-q", "--frames", "1-3", "--tasks", "2", "-o", "f.exr", "--job", "job", "--"];
+    let options = ["--width", "8", "--height", "6", "--spp", "1", "-q"];
+    b.run(0, b.command(&[&farm[..], &options].concat()));
+    for number in ["0", "1"] {
+        let mut task = Command::new("bash");
+        task.arg("job/array.sh").env("SLURM_ARRAY_TASK_ID", number).env_remove("SLURM_CPUS_PER_TASK");
+        task.current_dir(b.folder.path());
+        b.run(0, task);
+    }
+    assert_eq!(b.names(), ["f.0001.exr", "f.0002.exr", "f.0003.exr", "job"]);
+    assert_eq!(std::fs::read_dir(b.path("job/parts")).expect("a folder").count(), 0);
 }
 
 /// A bundle for OpenJD: each task's script, with its parameter filled in, and the merge.
@@ -644,6 +687,13 @@ fn tasks_of_single_frames_lose_none() {
     }
     let expected = ["f.0001.exr", "f.0002.exr", "job", "p.0001.png", "p.0002.png", "run", "s.0001.json", "s.0002.json"];
     assert_eq!(b.names(), expected);
+    let states = || std::fs::read_dir(b.path("job/parts")).expect("a folder").count();
+    assert_eq!(states(), 2);
+    let clean = &template["steps"][1]["script"]["actions"]["onRun"];
+    let mut command = Command::new(clean["command"].as_str().expect("a command"));
+    command.args(clean["args"].as_array().expect("words").iter().map(|word| word.as_str().expect("text")));
+    b.run(0, command);
+    assert_eq!(states(), 0);
     for wrong in [&["-o", "g.exr"][..], &["--skip-existing"], &["--resume", "a"], &["--png", "{{a}}.png"]] {
         b.run(2, b.command(&[&farm[..], wrong].concat()));
     }

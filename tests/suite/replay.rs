@@ -10,7 +10,9 @@ use glam::{Affine3A, Vec2, Vec3, Vec4};
 use pathspace::backend::{BackendKind, QueryMode};
 use pathspace::film::Pixel;
 use pathspace::film::exr::read_exr;
-use pathspace::plan::options::{Crop, FilterKind, Lens, RenderOptions, SamplerKind, Strategy, TextureFilter};
+use pathspace::plan::options::{
+    Crop, FilterKind, Lens, LightPaths, RenderOptions, SamplerKind, Strategy, TextureFilter,
+};
 use pathspace::render::Renderer;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::{
@@ -42,6 +44,8 @@ fn every_lobe() -> Scene {
 /// Every sample of every `stride`-th pixel again: the sums have the film's bits, and the stories the samples'.
 fn holds(what: &str, scene: &Scene, options: RenderOptions, stride: u32) {
     let spp = options.spp.expect("a number of samples");
+    // What light paths add belongs to no sample.
+    let options = options.light_paths(LightPaths::Off);
     let renderer = Renderer::new(scene, options).unwrap_or_else(|e| panic!("{what}: {e}"));
     let film = renderer.render().expect("a render").film;
     for number in (0..film.pixels.len() as u32).step_by(stride as usize) {

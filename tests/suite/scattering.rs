@@ -25,7 +25,7 @@ fn multiple(single: f64) -> f32 {
 }
 
 /// A solid of this index with σ_t per metre and these albedos.
-fn murky(ior: f32, sigma_t: f32, albedo: [f64; 3], g: f32) -> Material {
+pub fn murky(ior: f32, sigma_t: f32, albedo: [f64; 3], g: f32) -> Material {
     Material {
         metallic: 0.0,
         roughness: 0.0,
@@ -41,7 +41,7 @@ fn murky(ior: f32, sigma_t: f32, albedo: [f64; 3], g: f32) -> Material {
 }
 
 /// A slab below z = 0 under a directional light of irradiance 1 from straight above, seen from straight above.
-fn lit_slab(material: Material, depth_m: f32) -> Scene {
+pub fn lit_slab(material: Material, depth_m: f32) -> Scene {
     let mut b = SceneBuilder::new();
     let medium = b.material(material);
     b.cuboid(Vec3::new(-400.0, -400.0, -depth_m), Vec3::new(400.0, 400.0, 0.0), false, medium);
@@ -93,7 +93,7 @@ fn single_scattering_is_the_integral() {
 
 /// Chandrasekhar's H function of isotropic scattering at μ = 1 (Radiative Transfer, §37), by iteration of
 /// 1/H(μ) = √(1−ϖ) + ϖ/2 ∫ μ' H(μ')/(μ+μ') dμ' on midpoints.
-fn h_at_one(albedo: f64) -> f64 {
+pub fn h_at_one(albedo: f64) -> f64 {
     const N: usize = 400;
     let mu = |i: usize| (i as f64 + 0.5) / N as f64;
     let inverse = |h: &[f64], at: f64| {

@@ -180,6 +180,7 @@ fn nothing_that_counts_is_left_out() {
                 intensity: Vec3::ONE,
                 kind: PunctualKind::Spot { cos_inner: inner.cos(), cos_outer: outer.cos() },
                 range_m: f32::INFINITY,
+                profile: None,
             }
         })
         .collect();
@@ -258,6 +259,7 @@ fn near_and_far_lights_add_up() {
             intensity: Vec3::ONE,
             kind: PunctualKind::Point,
             range_m: f32::INFINITY,
+            profile: None,
         };
         let irradiance = f64::from(position.z.max(0.0)) / f64::from(position.length()).powi(3);
         expected += irradiance;

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 use pathspace::shading::bsdf::albedo::SpecularAlbedo;
-use pathspace::shading::bsdf::dielectric::{Body, Dielectric, MAX_INDEX};
+use pathspace::shading::bsdf::dielectric::{Body, Dielectric};
+use pathspace::shading::bsdf::fresnel::MAX_INDEX;
 use pathspace::shading::bsdf::lambert::Lambert;
 use pathspace::shading::bsdf::model::BsdfEval;
 use pathspace::shading::surface::Surface;

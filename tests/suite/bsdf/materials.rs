@@ -118,6 +118,6 @@ fn tables_are_filled_on_demand() {
     let glass = Material { metallic: 0.0, transmission: 1.0, ..Material::default() };
     let coat = Material { metallic: 0.0, ..Material::default() };
     let quiet = [metal, lambert, glass];
-    assert_eq!(SpecularAlbedo::for_materials(&quiet), SpecularAlbedo::empty());
-    assert_eq!(SpecularAlbedo::for_materials(&[coat]), SpecularAlbedo::compute());
+    assert_eq!(SpecularAlbedo::for_materials(&quiet, false), SpecularAlbedo::empty());
+    assert_eq!(SpecularAlbedo::for_materials(&[coat], false), SpecularAlbedo::compute());
 }

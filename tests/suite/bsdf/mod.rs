@@ -7,6 +7,7 @@ mod clearcoat;
 mod energy;
 mod identities;
 mod materials;
+mod multiscatter;
 mod sheen;
 
 use glam::Vec3;

@@ -1,6 +1,6 @@
 //! Instances that move: rays of any time in one batch, against brute force over the scene as it stands at that time,
-//! which knows no motion. Also rays that leave a moving triangle. Oracles: frozen geometry, [`exact`]; no re-hit.
-//! Nothing random is left: rate 0.
+//! which knows no motion. Some of them change their shape as well. Also rays that leave a moving triangle. Oracles:
+//! frozen geometry, [`exact`]; no re-hit. Nothing random is left: rate 0.
 
 use glam::{Affine3A, Mat3A, Quat, Vec3};
 use pathspace::backend::batch::{BLOCKED, Hit, LANES, RayBlock, RayHitBlock};
@@ -8,6 +8,8 @@ use pathspace::backend::{self, Backend, BackendKind, BackendOptions, Coherence};
 use pathspace::math::float::spawn_origin;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::scene::geometry::Geometry;
+use pathspace::scene::motion::part_of;
+use pathspace::scene::{Mesh, Shape};
 use pathspace::shading::interaction::Interaction;
 
 use super::shapes::{Rng, cube, soup};
@@ -45,9 +47,54 @@ fn scene() -> Geometry {
     Geometry::build(&b.build())
 }
 
+/// A still soup, and five that change their shapes in one part and in eight: at rest, on the move, flattened and
+/// mirrored, and two of one mesh. In one of them triangles have no area at either end, or at all but one shape.
+fn changing() -> Geometry {
+    let mut rng = Rng::new(41);
+    let mut b = SceneBuilder::new();
+    let paper = b.lambert(Vec3::ONE);
+    let world: Vec<Vec3> = soup(&mut rng, 40, 0.5).into_iter().flatten().collect();
+    let three = |triangles: u32| (0..triangles).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect::<Vec<_>>();
+    b.triangles(world, three(40), paper);
+    let mut mesh = |parts: usize, collapsed: bool| {
+        let mut shape = || soup(&mut rng, 80, 0.4).into_iter().flatten().collect::<Vec<Vec3>>();
+        let mut shapes: Vec<Vec<Vec3>> = (0..=parts).map(|_| shape()).collect();
+        if collapsed {
+            let last = shapes.len() - 1;
+            shapes[0][..9].fill(Vec3::splat(0.25));
+            shapes[last][9..18].fill(Vec3::splat(-0.25));
+            shapes[1..].iter_mut().for_each(|shape| shape[18..27].fill(Vec3::X));
+        }
+        let mut shapes = shapes.into_iter();
+        let positions = shapes.next().expect("a first shape");
+        let later = shapes.map(|positions| Shape { positions, ..Shape::default() }).collect();
+        b.full_mesh(Mesh { positions, later, triangles: three(80), material: paper, ..Mesh::default() })
+    };
+    let (straight, bent) = (mesh(1, true), mesh(8, false));
+    let axis = rng.direction();
+    let place = |scale: Vec3, angle: f32, at: Vec3| {
+        Affine3A::from_scale_rotation_translation(scale, Quat::from_axis_angle(axis, angle), at)
+    };
+    b.place_moving(straight, vec![place(Vec3::ONE, 0.3, Vec3::new(2.5, 0.0, 0.0)); 2]);
+    b.place_moving(bent, way(4, |t| place(Vec3::ONE, 2.0 * t, Vec3::new(-2.5, 0.0, 2.0 * t))));
+    b.place_moving(bent, way(1, |t| place(Vec3::new(-1.0, 0.3, 1.0 + t), 1.0, Vec3::new(0.0, 2.5, 0.0))));
+    b.place_moving(straight, way(2, |t| place(Vec3::splat(0.5 + t), 0.0, Vec3::new(0.0, -2.5, 0.0))));
+    b.place_moving(straight, vec![place(Vec3::splat(40.0), 0.0, Vec3::new(9.0, 3.0, -60.0)); 2]);
+    let scene = b.build();
+    scene.validate().expect("a sound scene");
+    Geometry::build(&scene)
+}
+
 /// The scene as it stands at `time`.
 fn frozen(geometry: &Geometry, time: f32) -> Geometry {
     let mut frozen = geometry.clone();
+    for mesh in frozen.meshes.iter_mut().filter(|mesh| !mesh.later.is_empty()) {
+        let later = std::mem::take(&mut mesh.later);
+        let (part, fraction) = part_of(time, later.len());
+        let from = if part == 0 { mesh.vertices.clone() } else { later[part - 1].clone() };
+        mesh.vertices = from.iter().zip(&later[part]).map(|(&from, &to)| from + (to - from) * fraction).collect();
+    }
+    frozen.deforming = Default::default();
     for (i, placement) in (0u32..).zip(&mut frozen.instances) {
         *placement = geometry.moving.at(i, time).unwrap_or(*placement);
     }
@@ -72,9 +119,21 @@ fn trace(backend: &dyn Backend, rays: &[(TestRay, f32)], hint: Coherence) -> Vec
 
 #[test]
 fn backends_agree_at_every_time() {
-    const TIMES: usize = 60;
     let geometry = scene();
     assert_eq!((geometry.instances.len(), geometry.moving.steps(0).len()), (6, 2), "what is at rest is baked");
+    expect_agreement(geometry);
+}
+
+#[test]
+fn backends_agree_on_changing_shapes() {
+    let geometry = changing();
+    assert_eq!(geometry.instances.len(), 5);
+    assert_eq!(geometry.meshes.iter().map(|mesh| mesh.later.len()).collect::<Vec<_>>(), [0, 1, 8]);
+    expect_agreement(geometry);
+}
+
+fn expect_agreement(geometry: Geometry) {
+    const TIMES: usize = 60;
     let mut rng = Rng::new(32);
     let mut times: Vec<f32> = (2..TIMES).map(|_| rng.unit()).collect();
     times.extend([0.0, 1.0 - f32::EPSILON / 2.0]);
@@ -132,6 +191,9 @@ fn any_place(rng: &mut Rng, reach: f32) -> Affine3A {
     Affine3A::from_scale_rotation_translation(scale, turn, rng.cube() * reach)
 }
 
+/// Where a ray of [`aimed_at`] meets a triangle, and how far it comes from.
+type Target = (Vec3, f32);
+
 /// Rays that leave a triangle on the move never meet it again: the error bounds hold at every time and for every
 /// backend's way to take a ray to the triangle. 10⁵ rays and more for each (far away some of the aimed ones pass by).
 #[test]
@@ -155,41 +217,82 @@ fn no_ray_meets_the_moving_triangle_it_leaves() {
         let scene = b.build();
         scene.validate().expect("a sound motion");
         let geometry = Geometry::build(&scene);
-        let aimed: Vec<(TestRay, f32)> = (0..8000)
-            .map(|i| {
-                let time = rng.unit();
-                let place = geometry.moving.at((i % 8) as u32, time).expect("it moves").world_from_object;
-                let corners = geometry.meshes[1 + i % 8].vertices[..3].to_vec();
-                let (u, v) = (0.45 * rng.unit(), 0.45 * rng.unit());
-                let target = place.transform_point3(corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v);
-                let size = place.transform_vector3(corners[1] - corners[0]).length();
-                let dir = rng.direction();
-                (TestRay::new(target - dir * size, dir), time)
-            })
-            .collect();
-        each_backend(&geometry, |row, backend| {
-            let hits = trace(backend, &aimed, Coherence::Incoherent);
-            let mut rng = Rng::new(34);
-            let (mut left, mut from) = (Vec::new(), Vec::new());
-            for (hit, (_, time)) in hits.iter().zip(&aimed).filter_map(|(hit, ray)| Some(((*hit)?, ray))) {
-                assert_eq!(hit.time, *time);
-                let at = Interaction::at(&geometry, &hit, false);
-                for k in 0..32 {
-                    let mut dir = rng.direction();
-                    if k % 4 == 0 {
-                        // A quarter grazes.
-                        let cos = 10f32.powf(-9.0 + 8.0 * rng.unit());
-                        dir = ((dir - at.n_g * at.n_g.dot(dir)).normalize() + at.n_g * cos).normalize();
-                    }
-                    left.push((TestRay::new(spawn_origin(at.p, at.n_g, at.error, dir), dir), *time));
-                    from.push((hit.inst, hit.prim));
-                }
-            }
-            assert!(left.len() > 100_000, "{}: {} rays", row.name(), left.len());
-            let again = trace(backend, &left, Coherence::Incoherent);
-            let own = |(hit, from): (&Option<Hit>, &(u32, u32))| hit.is_some_and(|hit| (hit.inst, hit.prim) == *from);
-            let met = again.iter().zip(&from).filter(|&pair| own(pair)).count();
-            assert_eq!(met, 0, "{}, reach {reach}: re-hits of {} rays", row.name(), left.len());
-        });
+        let target = |i: usize, time: f32, [u, v]: [f32; 2]| {
+            let place = geometry.moving.at(i as u32, time).expect("it moves").world_from_object;
+            let corners = geometry.meshes[1 + i].vertices[..3].to_vec();
+            let target = place.transform_point3(corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v);
+            (target, place.transform_vector3(corners[1] - corners[0]).length())
+        };
+        expect_no_meeting(&geometry, &mut rng, &format!("reach {reach}"), target);
     }
+}
+
+/// The same of triangles that change their shape, at rest, on the move, and where their coordinates are large.
+#[test]
+fn no_ray_meets_the_changing_triangle_it_leaves() {
+    for (reach, away) in [(1.0, 0.0), (1e3, 0.0), (1.0, 1e4)] {
+        let mut rng = Rng::new(35);
+        let mut b = SceneBuilder::new();
+        let paper = b.lambert(Vec3::ONE);
+        let offset = rng.direction() * away;
+        for i in 0..8 {
+            let mut corners = || [0; 3].map(|_| offset + rng.cube()).to_vec();
+            let (positions, shape) = (corners(), corners());
+            let later = vec![Shape { positions: shape, ..Shape::default() }];
+            let triangles = vec![[0, 1, 2]];
+            let mesh = b.full_mesh(Mesh { positions, later, triangles, material: paper, ..Mesh::default() });
+            let from = any_place(&mut rng, reach);
+            let mut to = from;
+            if i % 2 == 0 {
+                to.translation += glam::Vec3A::from(rng.cube() * reach * 0.3);
+            }
+            b.place_moving(mesh, vec![from, to]);
+        }
+        let scene = b.build();
+        scene.validate().expect("a sound motion");
+        let geometry = Geometry::build(&scene);
+        let target = |i: usize, time: f32, [u, v]: [f32; 2]| {
+            let still = frozen(&geometry, time);
+            let (place, corners) = (still.instances[i].world_from_object, &still.meshes[1 + i].vertices);
+            let target = place.transform_point3(corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v);
+            (target, place.transform_vector3(corners[1] - corners[0]).length())
+        };
+        expect_no_meeting(&geometry, &mut rng, &format!("reach {reach}, {away} away"), target);
+    }
+}
+
+/// Rays to `target` of one of eight instances of a triangle, and from there on.
+fn expect_no_meeting(geometry: &Geometry, rng: &mut Rng, what: &str, target: impl Fn(usize, f32, [f32; 2]) -> Target) {
+    let aimed: Vec<(TestRay, f32)> = (0..8000)
+        .map(|i| {
+            let time = rng.unit();
+            let (target, size) = target(i % 8, time, [0.45 * rng.unit(), 0.45 * rng.unit()]);
+            let dir = rng.direction();
+            (TestRay::new(target - dir * size, dir), time)
+        })
+        .collect();
+    each_backend(geometry, |row, backend| {
+        let hits = trace(backend, &aimed, Coherence::Incoherent);
+        let mut rng = Rng::new(34);
+        let (mut left, mut from) = (Vec::new(), Vec::new());
+        for (hit, (_, time)) in hits.iter().zip(&aimed).filter_map(|(hit, ray)| Some(((*hit)?, ray))) {
+            assert_eq!(hit.time, *time);
+            let at = Interaction::at(geometry, &hit, false);
+            for k in 0..32 {
+                let mut dir = rng.direction();
+                if k % 4 == 0 {
+                    // A quarter grazes.
+                    let cos = 10f32.powf(-9.0 + 8.0 * rng.unit());
+                    dir = ((dir - at.n_g * at.n_g.dot(dir)).normalize() + at.n_g * cos).normalize();
+                }
+                left.push((TestRay::new(spawn_origin(at.p, at.n_g, at.error, dir), dir), *time));
+                from.push((hit.inst, hit.prim));
+            }
+        }
+        assert!(left.len() > 100_000, "{}: {} rays", row.name(), left.len());
+        let again = trace(backend, &left, Coherence::Incoherent);
+        let own = |(hit, from): (&Option<Hit>, &(u32, u32))| hit.is_some_and(|hit| (hit.inst, hit.prim) == *from);
+        let met = again.iter().zip(&from).filter(|&pair| own(pair)).count();
+        assert_eq!(met, 0, "{}, {what}: re-hits of {} rays", row.name(), left.len());
+    });
 }

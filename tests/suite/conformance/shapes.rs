@@ -58,7 +58,7 @@ pub fn mesh(triangles: &[[Vec3; 3]]) -> TriangleMesh {
     let mut vertices: Vec<Vec3> = triangles.iter().flatten().copied().collect();
     vertices.push(Vec3::ZERO);
     let indices = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    TriangleMesh { vertices, indices, first_triangle: 0 }
+    TriangleMesh { vertices, indices, ..TriangleMesh::default() }
 }
 
 /// A scene of one world mesh.
@@ -143,7 +143,7 @@ pub fn sphere(center: Vec3) -> TriangleMesh {
             }
         }
     }
-    TriangleMesh { vertices, indices, first_triangle: 0 }
+    TriangleMesh { vertices, indices, ..TriangleMesh::default() }
 }
 
 /// n × n squares, two triangles each, over [0, size]² at height `z`; corners are dyadic when size/n is.

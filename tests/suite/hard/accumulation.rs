@@ -9,6 +9,7 @@ use pathspace::scene::Scene;
 use pathspace::scene::builder::SceneBuilder;
 use pathspace::transport::accumulate;
 use pathspace::transport::counters::Counters;
+use pathspace::transport::parts::Wanted;
 use pathspace::transport::raygen::Chunk;
 use pathspace::transport::wave::{Gathered, Wave};
 use pathspace_stat::{Moments, Pcg32};
@@ -119,7 +120,7 @@ fn m10_samples_that_are_not_finite() {
         ("−1", -1.0, -1.0),
         ("1e38", 1e38, f64::from(1e38f32)),
     ] {
-        let mut wave = Wave::new(pixels.len() * samples, false);
+        let mut wave = Wave::new(pixels.len() * samples, &Wanted::default());
         for (slot, gathered) in wave.sums.gathered.iter_mut().enumerate().take(pixels.len() * samples) {
             let value = if slot % 1000 == 999 { fault } else { radiance };
             *gathered = Gathered { radiance: [radiance, value, radiance], coverage: 1.0, weight: 1.0 };

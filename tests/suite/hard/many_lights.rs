@@ -24,7 +24,15 @@ const MILLION: u32 = 1_000_000;
 
 fn point_light(position: Vec3, intensity: f32) -> PunctualLight {
     let (name, direction, intensity) = ("lamp".into(), Vec3::ZERO, Vec3::splat(intensity));
-    PunctualLight { name, position, direction, intensity, kind: PunctualKind::Point, range_m: f32::INFINITY }
+    PunctualLight {
+        name,
+        position,
+        direction,
+        intensity,
+        kind: PunctualKind::Point,
+        range_m: f32::INFINITY,
+        profile: None,
+    }
 }
 
 /// Weight `i` of `n`: 10^-6 to 10^6.

@@ -213,6 +213,7 @@ fn lamp() -> PunctualLight {
         intensity: Vec3::ONE,
         kind: PunctualKind::Point,
         range_m: f32::INFINITY,
+        profile: None,
     }
 }
 

@@ -3,9 +3,11 @@
 
 use pathspace::backend::{BackendKind, QueryMode};
 use pathspace::plan::options::RenderOptions;
+use pathspace::scene::Scene;
 use pathspace_stat::{chi2_limit, ks_uniform, normal_tail, z_limit};
 
 use super::Case;
+use crate::common::{Estimate, render};
 use crate::conformance;
 
 /// One way to trace rays.
@@ -62,6 +64,24 @@ impl Mode {
 pub type Known = (f64, f64, f64);
 
 impl Case {
+    /// What conserves energy: no channel's mean above `limit` by more than 4.9 standard errors and a rounding of 10⁻⁵,
+    /// none below 0 and none that is no number.
+    pub fn at_most(&mut self, on: impl std::fmt::Display, limit: f64, estimate: &Estimate) {
+        let excess = |c: usize| estimate.mean[c] - limit - 4.9 * estimate.standard_error(c) - 1e-5;
+        let worst = (0..3).max_by(|&a, &b| excess(a).total_cmp(&excess(b))).unwrap_or(0);
+        let ok = estimate.mean.iter().all(|mean| (0.0..f64::INFINITY).contains(mean)) && excess(worst) <= 0.0;
+        let (mean, error) = (estimate.mean[worst], estimate.standard_error(worst));
+        self.row(on, format!("0 to {limit}"), format!("{mean:.6} ± {error:.1e}"), format!("{:.1e}", mean - limit), ok);
+    }
+
+    /// A small picture of `scene` in every mode: its mean within 4.9 standard errors and `tau` of `expected`.
+    pub fn pictures(&mut self, scene: &Scene, options: &RenderOptions, expected: [f64; 3], tau: f64, delta: f64) {
+        for mode in Mode::all() {
+            let film = render(scene, mode.options(options.clone())).film;
+            self.mean(mode.name, expected, tau, delta, &Estimate::of_pixels(&film));
+        }
+    }
+
     /// T2: many means at once. The largest |z| below its Bonferroni limit (family 1e-4), the sum of z² below the upper
     /// 1e-6 point of chi-square, and the p-values uniform (Kolmogorov–Smirnov, above 1e-6).
     pub fn picture(&mut self, on: impl std::fmt::Display, pixels: impl IntoIterator<Item = Known>) {

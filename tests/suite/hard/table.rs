@@ -25,7 +25,7 @@ fn print() {
 
 /// Themes in the order of the specification.
 fn order(id: &str) -> (usize, String) {
-    ("GLBPMRI".find(&id[..1]).unwrap_or(9), id.to_owned())
+    ("GLBPMRIXVWT".find(&id[..1]).unwrap_or(99), id.to_owned())
 }
 
 fn verdict(passed: bool) -> &'static str {

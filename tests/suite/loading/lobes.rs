@@ -275,6 +275,7 @@ fn clearcoats_have_their_own_normals() {
             intensity: Vec3::ONE,
             kind: PunctualKind::Directional,
             range_m: f32::INFINITY,
+            profile: None,
         });
         let film = render(&scene, options(16, 16, 64)).film;
         (6..10).map(|x| (6..10).map(|y| film.pixel(x, y).mean()[1]).sum::<f64>()).sum::<f64>() / 16.0

@@ -88,7 +88,7 @@ fn files_beyond_their_limit_are_errors() {
     assert_lines(&said, &["b.checkpoint: cannot write: File too large"]);
     assert_picture(&b.path("b.exr"));
     assert_eq!(b.names(), ["a.checkpoint", "a.exr", "b.exr", "tmp"]);
-    let said = b.run(1, b.behind("ulimit -f 0; exec >out", &b.command(&["info", SCENE, "--json"])));
+    let said = b.run(1, b.behind("ulimit -f 0; exec >out", &b.command(&["info", SCENE, "--json", "--size", "32x32"])));
     assert_lines(&said, &["stdout: cannot write: File too large"]);
     assert_eq!(b.names_in("tmp"), [""; 0]);
 }
