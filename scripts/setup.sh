@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
 # Installs what building pathspace needs on Debian 12 and 13, through apt-get, and only what is missing.
-# Usage: scripts/setup.sh [nolib | lint | gates | fuzz]
+# Usage: scripts/setup.sh [nolib | lint | gates | fuzz | browser | farm | packages]
 #   nolib: without Embree and OpenImageIO (--no-default-features --features cli)
 #                                                     lint: rustfmt and clippy as well, through rustup
 #                                                     gates: valgrind as well
 #                                                     fuzz: a C++ compiler and OpenImageIO, which the targets need
+#                                                     browser: Chromium as well
+#                                                     farm: Slurm, and openjd-cli from PyPI in target/farm-venv
+#                                                     packages: what packing needs, dpkg-dev and Python's venv
 # Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
 
 set -euo pipefail
@@ -24,11 +27,14 @@ tools=()
 case "${1:-}" in
   nolib) ;;
   fuzz) packages+=(g++ pkg-config libopenimageio-dev) ;;
-  '' | lint | gates)
+  '' | lint | gates | browser)
     [ -n "${EMBREE_DIR:-}" ] || packages+=(libembree-dev)
     packages+=(libclang-dev g++ pkg-config libopenimageio-dev)
-    [ "${1:-}" != gates ] || tools+=(valgrind) ;;
-  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint | gates | fuzz]" ;;
+    [ "${1:-}" != gates ] || tools+=(valgrind)
+    [ "${1:-}" != browser ] || tools+=(chromium) ;;
+  farm) packages=(); tools+=(slurmctld slurmd slurm-client python3-venv) ;;
+  packages) packages=(gcc libc6-dev make); tools+=(dpkg-dev python3-venv) ;;
+  *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint | gates | fuzz | browser | farm | packages]" ;;
 esac
 
 # Rust first: apt-get cannot help with it, Debian's own is too old.
@@ -52,13 +58,23 @@ if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   fail "no apt-get here. Install a C++ compiler, pkg-config, libclang, OpenImageIO 2.4 or 2.5 and Embree 3.13 or 4.x" \
     "by your system's means (or set EMBREE_DIR), then: cargo build --release"
 fi
+# Ends well; of what only Python has, a folder of its own.
+finish() {
+  local venv; venv=$(dirname "$(readlink -f "$0")")/../target/farm-venv
+  if [ "$1" = farm ] && ! [ -x "$venv/bin/openjd" ]; then
+    /usr/bin/python3 -m venv "$venv" && "$venv/bin/pip" install -q openjd-cli==0.8.0 >&2 ||
+      fail "openjd-cli cannot be installed by pip; see its message above"
+  fi
+  say "$2"
+  exit 0
+}
+
 missing=()
 for package in "${packages[@]}" "${tools[@]}"; do
   installed "$package" || missing+=("$package")
 done
 if [ ${#missing[@]} -eq 0 ]; then
-  say "nothing to install: Rust $rust, ${packages[*]}${tools[*]:+ ${tools[*]}} are there"
-  exit 0
+  finish "${1:-}" "nothing to install: Rust $rust, ${packages[*]}${tools[*]:+ ${tools[*]}} are there"
 fi
 
 as_root=()
@@ -81,4 +97,4 @@ fi
 for package in "${missing[@]}"; do
   installed "$package" || fail "$package is still not installed"
 done
-say "done: installed ${missing[*]}"
+finish "${1:-}" "done: installed ${missing[*]}"

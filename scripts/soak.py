@@ -3,11 +3,13 @@
 
     scripts/soak.py          cases of the seeds from SOAK_SEED (1) on
     scripts/soak.py SEED     that case alone, told in full; its files stay in target/soak/SEED
+    scripts/soak.py kills N  one render that is killed N times and goes on each time: what each leaves, and whether the
+                             picture has the bits of a render that was not killed
 
 Kinds of faults: signals (TERM, INT, HUP, USR1, KILL) at random moments; inputs cut off, overwritten or removed while
 they are read; limits of descriptors, memory, file sizes, processes and processor time; a disk that is full (where this
-process may mount); two writers to the same outputs. A seed settles all choices, though not what the clock makes of
-them: a replay may need a few tries.
+process may mount); two writers to the same outputs; a clock that is set (where libfaketime is installed). A seed
+settles all choices, though not what the clock makes of them: a replay may need a few tries.
 
 What holds after each: an exit code that GUIDE.md lists for such a case, no panic and no abort, an end within 20 s, no
 file but those asked for, and outputs that are absent or readable: pictures by `compare`, states by `merge`. After a
@@ -30,14 +32,19 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = Path(os.environ.get("PATHSPACE", ROOT / "target/release/pathspace")).resolve()
 WORK = ROOT / "target/soak"
-# Seconds after which a process hangs: the longest that is planned is 3.
+# Seconds after which a process hangs: the longest that is planned is 3. More where it has to wait for a processor.
 HANG = 20
+SEED = int(os.environ.get("SOAK_SEED", 1))
 # Small scenes more often than those of some megabytes.
 SCENES = {"cornell-box": 6, "in-motion": 3, "veach-mis": 3, "glass-caustics": 1, "env-object": 1}
 BAD_WORDS = ["panicked", "internal error", "terminate called", "stack overflow", "memory allocation of"]
 LOADER = "error while loading shared libraries"
 NOBODY = 65534
 NAMES = ["a.exr", "a.png", "a.json", "a.checkpoint"]
+
+
+def hang_s():
+    return HANG * max(1, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
 
 
 class Case:
@@ -64,15 +71,22 @@ class Case:
         args += chance.choice([[], ["--backend", "obvhs"]])
         return [*args, "--checkpoint", f"{chance.randint(2, 80)}ms", out / "a.checkpoint", *more]
 
-    def start(self, args, limits=(), shell=(), user=None):
-        """Starts a command in a session of its own, under limits: (resource, soft, hard)."""
+    def start(self, args, limits=(), shell=(), user=None, more=None):
+        """Starts a command in a session of its own, under limits: (resource, soft, hard), with more variables."""
+        def prepare():
+            # Under nohup, or behind a script's &, they would be ignored until the render listens.
+            for number in (signal.SIGHUP, signal.SIGINT):
+                signal.signal(number, signal.SIG_DFL)
+            for what, soft, hard in limits:
+                resource.setrlimit(what, (soft, hard))
+
         env = {name: value for name, value in os.environ.items() if name != "RUST_BACKTRACE"}
         words = [*map(str, shell), str(BINARY), *map(str, args)]
         self.told.append(" ".join(words))
         process = subprocess.Popen(
-            words, cwd=self.folder, env=env | {"TMPDIR": str(self.tmp)}, user=user, start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-            preexec_fn=lambda: [resource.setrlimit(what, (soft, hard)) for what, soft, hard in limits],
+            words, cwd=self.folder, env=env | {"TMPDIR": str(self.tmp)} | (more or {}), user=user,
+            start_new_session=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            preexec_fn=prepare,
         )
         process.began = time.monotonic()
         return process
@@ -80,11 +94,11 @@ class Case:
     def end(self, process, allowed, sent=()):
         """Waits for a process, whose exit code is one of those or of a signal that was sent."""
         try:
-            _, said = process.communicate(timeout=HANG)
+            _, said = process.communicate(timeout=hang_s())
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             _, said = process.communicate()
-            self.found.append(f"no end within {HANG} s")
+            self.found.append(f"no end within {hang_s():.0f} s")
             return said.decode(errors="replace")
         said, code = said.decode(errors="replace"), process.returncode
         self.told.append(f"exit code {code} after {time.monotonic() - process.began:.1f} s\n{said}")
@@ -117,7 +131,7 @@ class Case:
 
     def is_whole(self, path):
         def ask(*args):
-            return subprocess.run([BINARY, *args], capture_output=True, timeout=HANG).returncode
+            return subprocess.run([BINARY, *args], capture_output=True, timeout=hang_s()).returncode
 
         if path.suffix == ".exr":
             return ask("compare", path, path) == 0
@@ -236,6 +250,72 @@ def writers(case):
     case.check()
 
 
+def clock(case):
+    """A clock of the day that is set while a render of a second runs, which is to take a second nevertheless."""
+    chance, file = case.chance, case.folder / "clock"
+    file.write_text("+0")
+    variables = {
+        "LD_PRELOAD": FAKETIME, "FAKETIME_TIMESTAMP_FILE": str(file), "FAKETIME_NO_CACHE": "1",
+        # Clocks that only run, and the dates of files, are what they are.
+        "FAKETIME_DONT_FAKE_MONOTONIC": "1", "NO_FAKE_STAT": "1",
+    }
+    process = case.start(case.render("--time", "1s"), more=variables)
+    for _ in range(chance.randint(1, 4)):
+        time.sleep(0.4 * chance.random())
+        jump = f"{chance.choice('+-')}{chance.choice([3, 3600, 86400, 10**9])}"
+        case.told.append(f"clock {jump} s after {time.monotonic() - process.began:.3f} s")
+        file.with_suffix(".new").write_text(jump)
+        file.with_suffix(".new").rename(file)
+    case.end(process, {0})
+    if time.monotonic() - process.began < 1:
+        case.found.append("--time 1s ended before a second was over")
+    case.check()
+
+
+def faketime():
+    """The library that shows a process another clock, or none."""
+    found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
+    if not found:
+        print("soak: clocks that are set are left out: apt-get install libfaketime", flush=True)
+    return str(found[0]) if found else None
+
+
+def kills(count):
+    """One render, killed so many times, each a while after its start or when it has saved its state."""
+    case, left = Case(SEED), 0
+    state, chance = case.out / "a.checkpoint", case.chance
+    scene = ROOT / "scenes/cornell-box/scene.gltf"
+    common = ["render", scene, "-q", "--width", 16, "--height", 12, "--reproducible", "--aov", "bounces,albedo"]
+    args = [*common, "-o", case.out / "a.exr", "--stats", case.out / "a.json", "--checkpoint", "5ms", state]
+
+    def age():
+        return state.stat().st_mtime_ns if state.exists() else None
+
+    for _ in range(count):
+        before, resume = age(), ["--resume", state] if state.exists() else []
+        process = case.start([*args, "--spp", 10**9, *resume])
+        if chance.random() < 0.5:
+            while age() == before and process.poll() is None:
+                time.sleep(0.001)
+        time.sleep(0.06 * chance.random())
+        process.kill()
+        process.communicate()
+        if process.returncode != -signal.SIGKILL:
+            case.found.append(f"exit code {process.returncode} before the kill")
+        left += any(name not in NAMES for name in os.listdir(case.out))
+    case.run([*args, "--time", "50ms", "--resume", state], {0})
+    # An odd number of samples, so that there are several blocks.
+    spp = json.loads((case.out / "a.json").read_text())["spp"]["max"] // 64 * 64 + 64 + 23
+    case.run([*args, "--spp", spp, "--resume", state], {0})
+    case.check()
+    case.run([*common, "--spp", spp, "-o", case.folder / "whole.exr"], {0})
+    if (case.folder / "whole.exr").read_bytes() != (case.out / "a.exr").read_bytes():
+        case.found.append("the picture differs from that of a render that was not killed")
+    print(*case.found, f"soak: {count} kills, {spp} spp: {left} left a name that the next render removed; "
+          f"{len(case.found)} findings", sep="\n")
+    sys.exit(1 if case.found else 0)
+
+
 def mounting():
     """A shell that may mount, or none."""
     for shell in (["unshare", "-rm", "sh"], ["unshare", "-m", "sh"]):
@@ -253,7 +333,7 @@ def soak_one(seed):
     try:
         case.kind(case)
     except subprocess.TimeoutExpired as hang:
-        case.found.append(f"no end within {HANG} s: {hang.cmd[1]}")
+        case.found.append(f"no end within {hang.timeout:.0f} s: {hang.cmd[1]}")
     except (BlockingIOError, subprocess.SubprocessError) as refused:
         # The system did not even start it under these limits.
         case.told.append(str(refused))
@@ -265,12 +345,14 @@ def main():
         sys.exit(f"soak: {BINARY} is missing: make soak builds it")
     # A finding is that a process aborts, not what it held.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if sys.argv[1:2] == ["kills"]:
+        kills(int(sys.argv[2]))
     if len(sys.argv) > 1:
         case = soak_one(int(sys.argv[1]))
         print(*case.told, *case.found, f"{case.kind.__name__}: {len(case.found)} findings", sep="\n")
         sys.exit(1 if case.found else 0)
 
-    seconds, first = float(os.environ.get("SOAK_SECONDS", 3600)), int(os.environ.get("SOAK_SEED", 1))
+    seconds, first = float(os.environ.get("SOAK_SECONDS", 3600)), SEED
     began, told, cases, found, seed = time.monotonic(), 60, collections.Counter(), 0, first
     try:
         while (passed := time.monotonic() - began) < seconds:
@@ -293,7 +375,9 @@ def main():
 
 
 MOUNTING = mounting()
-KINDS = [kind for kind in (signals, inputs, limits, disk, writers) if MOUNTING or kind is not disk]
+FAKETIME = faketime()
+LEFT_OUT = {kind for kind, possible in ((disk, MOUNTING), (clock, FAKETIME)) if not possible}
+KINDS = [kind for kind in (signals, inputs, limits, disk, writers, clock) if kind not in LEFT_OUT]
 
 if __name__ == "__main__":
     main()
