@@ -337,11 +337,12 @@ fn valid_within(ray: &RayBlock, max_coordinate: f32) -> u16 {
     let mut ok = [0u32; LANES];
     for i in 0..LANES {
         let org = ray.org_x[i].abs().max(ray.org_y[i].abs()).max(ray.org_z[i].abs());
-        // `max` drops NaN, a sum keeps it.
+        // `max` drops NaN, a sum keeps it. Against the largest number, not against ∞: that becomes "ordered and not
+        // equal" (NEQ_OQ), which valgrind 3.19 takes for true of NaN.
         let sum = ray.org_x[i] + ray.org_y[i] + ray.org_z[i] + ray.dir_x[i] + ray.dir_y[i] + ray.dir_z[i];
         let dir2 = ray.dir_x[i] * ray.dir_x[i] + ray.dir_y[i] * ray.dir_y[i] + ray.dir_z[i] * ray.dir_z[i];
         let good = (org <= max_coordinate)
-            & (sum.abs() < f32::INFINITY)
+            & (sum.abs() <= f32::MAX)
             & (dir2 > 0.25)
             & (dir2 < 4.0)
             & (ray.tnear[i] >= 0.0)

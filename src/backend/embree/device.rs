@@ -132,9 +132,13 @@ impl Device {
             .into()
     }
 
-    /// Whether it traces packets of 16 rays as such.
-    pub(super) fn is_wide(&self) -> bool {
-        self.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0
+    /// Rays of the widest packet that it traces as such.
+    pub(super) fn width(&self) -> usize {
+        let widths = [
+            (16, sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED),
+            (8, sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED),
+        ];
+        widths.into_iter().find(|(_, native)| self.property(*native) != 0).map_or(4, |(width, _)| width)
     }
 
     /// One of the device's numbers.

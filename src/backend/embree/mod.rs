@@ -111,18 +111,8 @@ impl Backend for Embree {
         let ends = grazing::Ends::of(batch.blocks);
         let invalid = match mode {
             QueryMode::Single => closest(world, batch, |block, valid| packet::closest1(world, block, valid, query)),
-            QueryMode::Packet4 => closest(world, batch, |block, valid| {
-                // SAFETY: the world's scene is committed and lives as long as `world`; active lanes are valid.
-                packet::closest_narrow::<4>(block, valid, |lanes, rays| unsafe {
-                    abi::intersect4(world.raw(), lanes, rays, query)
-                })
-            }),
-            QueryMode::Packet8 => closest(world, batch, |block, valid| {
-                // SAFETY: as above.
-                packet::closest_narrow::<8>(block, valid, |lanes, rays| unsafe {
-                    abi::intersect8(world.raw(), lanes, rays, query)
-                })
-            }),
+            QueryMode::Packet4 => closest(world, batch, |block, valid| packet::closest4(world, block, valid, query)),
+            QueryMode::Packet8 => closest(world, batch, |block, valid| packet::closest8(world, block, valid, query)),
             QueryMode::Stream if HAS_STREAMS => stream::closest(world, batch, query),
             QueryMode::Packet16 | QueryMode::Stream => {
                 closest(world, batch, |block, valid| packet::closest16(world, block, valid, query))
@@ -150,18 +140,8 @@ impl Backend for Embree {
         let batch = world.batch(blocks, len);
         match self.shadow {
             QueryMode::Single => any(batch, |block, valid| packet::any1(world, block, valid, query)),
-            QueryMode::Packet4 => any(batch, |block, valid| {
-                // SAFETY: the world's scene is committed and lives as long as `world`; active lanes are valid.
-                packet::any_narrow::<4>(block, valid, |lanes, rays| unsafe {
-                    abi::occluded4(world.raw(), lanes, rays, query)
-                })
-            }),
-            QueryMode::Packet8 => any(batch, |block, valid| {
-                // SAFETY: as above.
-                packet::any_narrow::<8>(block, valid, |lanes, rays| unsafe {
-                    abi::occluded8(world.raw(), lanes, rays, query)
-                })
-            }),
+            QueryMode::Packet4 => any(batch, |block, valid| packet::any4(world, block, valid, query)),
+            QueryMode::Packet8 => any(batch, |block, valid| packet::any8(world, block, valid, query)),
             QueryMode::Stream if HAS_STREAMS => stream::any(world, batch, query),
             QueryMode::Packet16 | QueryMode::Stream => {
                 any(batch, |block, valid| packet::any16(world, block, valid, query))

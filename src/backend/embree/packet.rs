@@ -8,29 +8,63 @@ use crate::backend::batch::{BLOCKED, Batch, INVALID_ID, LANES, RayBlock, RayHitB
 use crate::backend::past::{PastLanes, Without};
 use crate::math::lanes::lanes_of;
 
-/// Closest hits of sixteen rays, in two packets of eight where the processor has none of sixteen.
+/// Closest hits of sixteen rays, in narrower packets where the processor has none of sixteen.
 #[inline(always)]
 pub(super) fn closest16(world: &World, block: &mut RayHitBlock, valid: u16, query: &mut Query) {
-    if !world.wide {
-        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
-        closest_narrow::<8>(block, valid, |lanes, rays| unsafe { abi::intersect8(world.raw(), lanes, rays, query) });
+    if world.width < 16 {
+        closest8(world, block, valid, query);
     } else if valid != 0 {
         // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
         unsafe { abi::intersect16(world.raw(), &Lanes::from_bits(valid), block, query) };
     }
 }
 
+/// Closest hits in packets of eight, of four where the processor has none of eight.
+#[inline(always)]
+pub(super) fn closest8(world: &World, block: &mut RayHitBlock, valid: u16, query: &mut Query) {
+    if world.width < 8 {
+        closest4(world, block, valid, query);
+    } else {
+        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+        closest_narrow::<8>(block, valid, |lanes, rays| unsafe { abi::intersect8(world.raw(), lanes, rays, query) });
+    }
+}
+
+/// Closest hits in packets of four.
+#[inline(always)]
+pub(super) fn closest4(world: &World, block: &mut RayHitBlock, valid: u16, query: &mut Query) {
+    // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+    closest_narrow::<4>(block, valid, |lanes, rays| unsafe { abi::intersect4(world.raw(), lanes, rays, query) });
+}
+
 /// Any hits of sixteen rays, as [`closest16`]: Embree writes −∞, which is [`BLOCKED`], and leaves inactive lanes as
 /// they are.
 #[inline(always)]
 pub(super) fn any16(world: &World, block: &mut RayBlock, valid: u16, query: &mut Query) {
-    if !world.wide {
-        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
-        any_narrow::<8>(block, valid, |lanes, rays| unsafe { abi::occluded8(world.raw(), lanes, rays, query) });
+    if world.width < 16 {
+        any8(world, block, valid, query);
     } else if valid != 0 {
         // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
         unsafe { abi::occluded16(world.raw(), &Lanes::from_bits(valid), block, query) };
     }
+}
+
+/// Any hits in packets of eight, as [`closest8`].
+#[inline(always)]
+pub(super) fn any8(world: &World, block: &mut RayBlock, valid: u16, query: &mut Query) {
+    if world.width < 8 {
+        any4(world, block, valid, query);
+    } else {
+        // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+        any_narrow::<8>(block, valid, |lanes, rays| unsafe { abi::occluded8(world.raw(), lanes, rays, query) });
+    }
+}
+
+/// Any hits in packets of four.
+#[inline(always)]
+pub(super) fn any4(world: &World, block: &mut RayBlock, valid: u16, query: &mut Query) {
+    // SAFETY: the world's scene is committed and lives as long as `world`; the active lanes are valid.
+    any_narrow::<4>(block, valid, |lanes, rays| unsafe { abi::occluded4(world.raw(), lanes, rays, query) });
 }
 
 /// The packets of `N` rays of a block that have a ray in them: first lane and mask.
@@ -41,11 +75,7 @@ fn packets<const N: usize>(valid: u16) -> impl Iterator<Item = (usize, u16)> {
 
 /// Closest hits in packets of `N`, each traced by `trace`.
 #[inline(always)]
-pub(super) fn closest_narrow<const N: usize>(
-    block: &mut RayHitBlock,
-    valid: u16,
-    mut trace: impl FnMut(&Lanes, &mut RayHits<N>),
-) {
+fn closest_narrow<const N: usize>(block: &mut RayHitBlock, valid: u16, mut trace: impl FnMut(&Lanes, &mut RayHits<N>)) {
     for (first, mask) in packets::<N>(valid) {
         let mut packet = RayHits { ray: Rays::gather(&block.ray, first), hit: Hits::NONE };
         trace(&Lanes::from_bits(mask), &mut packet);
@@ -55,11 +85,7 @@ pub(super) fn closest_narrow<const N: usize>(
 
 /// Any hits in packets of `N`, each traced by `trace`.
 #[inline(always)]
-pub(super) fn any_narrow<const N: usize>(
-    block: &mut RayBlock,
-    valid: u16,
-    mut trace: impl FnMut(&Lanes, &mut Rays<N>),
-) {
+fn any_narrow<const N: usize>(block: &mut RayBlock, valid: u16, mut trace: impl FnMut(&Lanes, &mut Rays<N>)) {
     for (first, mask) in packets::<N>(valid) {
         let mut packet = Rays::gather(block, first);
         trace(&Lanes::from_bits(mask), &mut packet);

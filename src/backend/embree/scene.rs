@@ -34,9 +34,10 @@ pub(super) struct World {
     max_coordinate: f32,
     /// Whether hits name instances.
     instanced: bool,
-    /// Whether packets of 16 are traced as such. Elsewhere (AVX2) 3.13.5 makes a stream of them, which takes no account
-    /// of the mask and aborts over what lanes that are not in use hold.
-    pub(super) wide: bool,
+    /// Rays of the widest packet that is traced as such: 4 with SSE, 8 with AVX and AVX2, 16 with AVX-512. Of wider
+    /// ones 3.13.5 makes a stream, which takes no account of the mask and aborts over what lanes that are not in use
+    /// hold.
+    pub(super) width: usize,
     /// Bytes that committing allocated.
     pub(super) bvh_bytes: u64,
     /// Triangles held, instanced ones once.
@@ -89,8 +90,8 @@ impl World {
         }
         bvh_bytes += top.commit()?;
         let instanced = !geometry.instances.is_empty();
-        let wide = device.is_wide();
-        Ok(World { top, corners, _meshes: meshes, max_coordinate, instanced, wide, bvh_bytes, triangles })
+        let width = device.width();
+        Ok(World { top, corners, _meshes: meshes, max_coordinate, instanced, width, bvh_bytes, triangles })
     }
 
     /// The committed top scene, alive as long as `self`.
