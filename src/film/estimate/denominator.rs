@@ -69,6 +69,15 @@ pub(super) fn surroundings(columns: &[[f64; 4]], x: usize) -> [f64; 3] {
     std::array::from_fn(|c| sum[c] * inverse)
 }
 
+/// The same without the pixel itself, whose own values are `own`; `None` where there is no other.
+#[inline(always)]
+pub(super) fn surroundings_apart(columns: &[[f64; 4]], x: usize, own: &[f32; 4]) -> Option<[f64; 3]> {
+    let around = &columns[x.saturating_sub(SURROUNDINGS)..(x + SURROUNDINGS + 1).min(columns.len())];
+    let sum = around.iter().fold([0.0; 4], |sum, value| plus(sum, *value));
+    let others = sum[3] - f64::from(own[3]);
+    (others > 0.5).then(|| std::array::from_fn(|c| (sum[c] - f64::from(own[c])) / others))
+}
+
 /// What stands in for the converged pixel of halves `a` and `b`: between the surroundings and the harmonic mean of the
 /// halves, by Lee's weight.
 #[inline(always)]

@@ -1,12 +1,14 @@
 //! How far a film's estimate of its error is to be trusted: the tail of what the estimate is the mean of, and what no
 //! sample has met yet. From the halves that a film keeps anyway, when it is asked for.
 //!
-//! **Index.** relMSE is the mean over pixels of x = v/(R² + ε), v a quarter of the squared difference of the halves.
-//! The index k of the largest x ([`pareto`]) says whether that mean can be relied on: below ½ its spread over pixels
-//! is finite and the intervals hold; from min(1 − 1/lg S, 0.7) on, with S pixels, no number of pixels that one can have
-//! makes it reliable (Vehtari et al. 2024, JMLR 25:72); with 1 and above there is nothing that it estimates.
-//! Halves of pixels that have had many samples of finite variance are normal, x is then as light as χ² (k about 0), so
-//! a tail that stays heavy is one of the light itself.
+//! **Index.** relMSE is the mean over pixels of x = v/(R² + ε), v a quarter of the squared difference of the
+//! halves, here as in the upper end of its interval, with the surroundings *without* the pixel for R where
+//! something was met once: with it, x has a bound (625 of 25 pixels), and a picture of nothing but fireflies
+//! would have no tail. The index k of the largest x ([`pareto`]) says whether that mean can be relied on: below ½
+//! its spread over pixels is finite and the intervals hold; from min(1 − 1/lg S, 0.7) on, with S pixels, no
+//! number of pixels that one can have makes it reliable (Vehtari et al. 2024, JMLR 25:72); with 1 and above there
+//! is nothing that it estimates. Halves of pixels that have had many samples of finite variance are normal, x is
+//! then as light as χ² (k about 0), so a tail that stays heavy is one of the light itself.
 //!
 //! **Unseen.** Good 1953 (Biometrika 40) and Turing: what will come from events that were never met is, in expectation,
 //! what came from those met once. An event counts as met once where one half of a pixel shows more than thrice the
@@ -16,8 +18,8 @@
 
 use rayon::prelude::*;
 
-use super::denominator::{Halves, RELMSE_EPSILON, sampled_mean, sum_columns, surroundings};
-use super::moments::relative_variance;
+use super::denominator::{Halves, RELMSE_EPSILON, sampled_mean, sum_columns};
+use super::moments::{BRIGHT, relative_variance};
 use crate::film::store::Film;
 use crate::math::pareto;
 
@@ -26,9 +28,6 @@ const HEAVY: f64 = 0.5;
 
 /// Index from which no number of pixels is enough.
 const HOPELESS: f64 = 0.7;
-
-/// A half counts as having met what the other has not above this multiple of the other's light.
-const ONE_SIDED: f64 = 3.0;
 
 /// One-sided 95 % point of the normal distribution.
 const NORMAL_95_ONE_SIDED: f64 = 1.644854;
@@ -74,10 +73,11 @@ pub struct Tail {
 }
 
 impl Tail {
-    /// What it says.
+    /// What it says. Tame is a tail whose index is below ½ with 95 %: a small picture that has missed its largest
+    /// events has a light one by chance.
     pub fn verdict(&self) -> Verdict {
         match self.k {
-            k if k < HEAVY => Verdict::Tame,
+            k if k + NORMAL_95_ONE_SIDED * self.k_stderr < HEAVY => Verdict::Tame,
             k if k < self.k_limit => Verdict::Heavy,
             _ => Verdict::Untrusted,
         }
@@ -110,7 +110,7 @@ impl Film {
                     .map(|(x, halves)| {
                         let [all, once] = light(&halves);
                         sums = [sums[0] + all, sums[1] + once, sums[2] + once * once];
-                        relative_variance(&halves, surroundings(columns, x), epsilon).relative as f32
+                        relative_variance(&halves, columns, x, &own[y * width + x], epsilon).ends[1] as f32
                     })
                     .collect();
                 (values, sums)
@@ -142,7 +142,7 @@ fn light(halves: &Halves) -> [f64; 2] {
     let [a, b] = [halves.a, halves.b].map(|half| sum(half, 1.0));
     let all = a * halves.shares[0] + b * halves.shares[1];
     let (more, less, share) = if a > b { (a, b, halves.shares[0]) } else { (b, a, halves.shares[1]) };
-    [all, if more > ONE_SIDED * less { share * (more - less) } else { 0.0 }]
+    [all, if more > BRIGHT * less { share * (more - less) } else { 0.0 }]
 }
 
 #[cfg(test)]
@@ -195,6 +195,18 @@ mod tests {
         let missing = bright * p * (1.0 - p).powi(16) / (1.0 + bright * p);
         assert!((tail.unseen / missing - 1.0).abs() < 0.47, "{tail:?} for {missing}");
         assert!(tail.unseen_at_most > tail.unseen && tail.unseen_at_most < 1.3 * tail.unseen, "{tail:?}");
+    }
+
+    /// A picture of fireflies alone: one half in 25 has one, of up to 100, over a ground of 0.01, so that few have the
+    /// mean of their surroundings, let alone their own. Oracle: nothing in it is known to a factor of two.
+    #[test]
+    fn pictures_of_nothing_but_fireflies_are_not_tame() {
+        for seed in 5..25 {
+            let mut random = Pcg(seed);
+            let tail =
+                film(|| if random.next() < 0.005 { 800.0 * random.next() } else { 0.01 }).tail().expect("pixels");
+            assert_ne!(tail.verdict(), Verdict::Tame, "{tail:?}");
+        }
     }
 
     #[test]
