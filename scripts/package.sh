@@ -7,8 +7,8 @@
 #
 #   scripts/package.sh tools   cargo-deb, if it is missing
 #
-# PACKAGE_PROFILE=dev packs a build of another profile than release. cargo-deb and maturin are installed if missing,
-# maturin into a virtual environment of its own, which is handed what follows `wheel`.
+# PACKAGE_PROFILE=dev packs a build of another profile than release. What follows is handed to what builds: cargo, or
+# maturin. cargo-deb and maturin are installed if missing, maturin into a virtual environment of its own.
 set -eu
 cd "$(dirname "$0")/.."
 profile=${PACKAGE_PROFILE:-release}
@@ -23,7 +23,7 @@ tools() {
 deb() {
     command -v dpkg-shlibdeps >/dev/null || { echo 'apt-get install dpkg-dev' >&2; exit 1; }
     tools
-    cargo build --profile "$profile" --bin pathspace
+    cargo build --profile "$profile" --bin pathspace "$@"
     built=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
     case $profile in
         dev) built=$built/debug ;;
