@@ -19,6 +19,7 @@ use std::fmt::Write as _;
 
 use glam::Vec3;
 use pathspace::backend::batch::{BLOCKED, Hit, LANES, RayBlock, RayHitBlock};
+use pathspace::backend::select::FLAT_FACES;
 use pathspace::backend::{self, Backend, BackendKind, BackendOptions, Coherence, QueryMode};
 use pathspace::math;
 use pathspace::scene::geometry::Geometry;
@@ -66,8 +67,11 @@ pub(crate) struct Scenario {
     pub rays: Vec<TestRay>,
     /// How many of the rays, from the first, are compared with the oracle hit by hit.
     pub compared: usize,
-    /// How many of the rays, from the first, are also traced with the coherent hint.
-    pub hinted: usize,
+    /// How many of the rays, from the first, are traced in every way: by every backend in every mode, with both hints.
+    /// The others are traced as renders trace such a scene ([`Row::ships`]).
+    pub repeated: usize,
+    /// The one backend that traces; all if `None`.
+    pub only: Option<BackendKind>,
     /// Every ray must hit something.
     pub must_hit: bool,
     /// Part of the rays of a `must_hit` case that Embree may lose.
@@ -83,7 +87,8 @@ impl Scenario {
         Scenario {
             name,
             geometry,
-            hinted: rays.len(),
+            repeated: rays.len(),
+            only: None,
             rays,
             compared,
             must_hit: false,
@@ -113,6 +118,18 @@ impl Row {
         match self.kind {
             BackendKind::Embree => format!("{}/{}", self.kind.name(), self.mode),
             _ => self.kind.name().to_owned() + &self.isa.map(|isa| format!("/{isa}")).unwrap_or_default(),
+        }
+    }
+
+    /// Whether renders trace such a geometry like that unless told otherwise. `flat` looks at every face for every ray,
+    /// as brute force does, and is taken for few.
+    fn ships(&self, geometry: &Geometry) -> bool {
+        let triangles = || geometry.meshes.iter().map(|mesh| mesh.indices.len()).sum::<usize>();
+        match self.kind {
+            BackendKind::Brute => false,
+            BackendKind::Embree => self.mode == QueryMode::Packet16,
+            BackendKind::Flat => triangles() <= FLAT_FACES,
+            _ => self.isa.is_none(),
         }
     }
 }
@@ -178,6 +195,9 @@ fn build(
     traced.push(effective);
     Some(built)
 }
+
+/// Rays of a closed scene that `flat` traces where renders do not take it, in whole groups of four.
+const FEW_RAYS: usize = 2048;
 
 /// Calls `check` with every backend in every mode that is a code of its own.
 pub(crate) fn each_backend(geometry: &Geometry, mut check: impl FnMut(&Row, &dyn Backend)) {
@@ -268,13 +288,18 @@ fn agree(scenario: &Scenario, row: &Row, ray: &TestRay, expected: &Option<Hit>, 
 
 /// Runs one query of one row over a scenario.
 fn cell(scenario: &Scenario, row: &Row, backend: &dyn Backend, oracle: &[Option<Hit>], query: Query) -> Cell {
-    // Brute force is slow: of closed scenes it gets the compared rays only.
+    // What looks at every face is slow: of closed scenes of many it gets the compared rays, or not many more.
     let rays = match (row.kind, query) {
         (BackendKind::Brute, _) => &scenario.rays[..scenario.compared],
-        (_, Query::Closest(Coherence::Coherent) | Query::Any(Coherence::Coherent)) => {
-            &scenario.rays[..scenario.hinted.max(scenario.compared)]
+        (BackendKind::Flat, _) if !row.ships(&scenario.geometry) => {
+            &scenario.rays[..scenario.compared.max(FEW_RAYS.min(scenario.rays.len()))]
         }
-        _ => &scenario.rays[..],
+        (_, Query::Closest(Coherence::Incoherent) | Query::Any(Coherence::Incoherent))
+            if row.ships(&scenario.geometry) =>
+        {
+            &scenario.rays[..]
+        }
+        _ => &scenario.rays[..scenario.repeated.max(scenario.compared)],
     };
     let mut cell = Cell { rays: rays.len(), ..Cell::default() };
     if row.kind == BackendKind::Embree {
@@ -337,6 +362,9 @@ pub(crate) fn judge(scenario: &Scenario, mut tell: impl FnMut(&Row, Query, Cell)
     let by_brute = closest(brute.as_ref(), compared, Coherence::Incoherent);
     let mut by_f64 = None;
     each_backend(&scenario.geometry, |row, backend| {
+        if scenario.only.is_some_and(|only| only != row.kind) {
+            return;
+        }
         let oracle = match row.kind {
             BackendKind::Brute => {
                 by_f64.get_or_insert_with(|| compared.iter().map(|r| exact::nearest(&scenario.geometry, r)).collect())

@@ -109,16 +109,20 @@ pub fn soup(rng: &mut Rng, n: usize, size: f32) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
-/// The closed lat-long sphere of HARDCASES G01: n = 50, evaluated in f32, with the poles collapsed, without the
-/// degenerate triangles there (9800 remain). Vertices are shared, so that edges are.
+/// The closed lat-long sphere of HARDCASES G01: n = 50, so of 9800 triangles.
 pub fn sphere(center: Vec3) -> TriangleMesh {
-    const N: u32 = 50;
+    sphere_of(50, center)
+}
+
+/// A closed lat-long sphere of `n` rows, evaluated in f32, with the poles collapsed, without the degenerate triangles
+/// there (4n(n − 1) remain). Vertices are shared, so that edges are.
+pub fn sphere_of(n: u32, center: Vec3) -> TriangleMesh {
     let mut vertices = Vec::new();
-    for row in 0..=N {
-        for column in 0..2 * N {
-            let phi = row as f32 * std::f32::consts::PI / N as f32;
-            let theta = column as f32 * std::f32::consts::PI / N as f32;
-            let ring = if row == 0 || row == N { 0.0 } else { phi.sin() };
+    for row in 0..=n {
+        for column in 0..2 * n {
+            let phi = row as f32 * std::f32::consts::PI / n as f32;
+            let theta = column as f32 * std::f32::consts::PI / n as f32;
+            let ring = if row == 0 || row == n { 0.0 } else { phi.sin() };
             let unit = Vec3::new(ring * theta.sin(), phi.cos(), ring * theta.cos());
             vertices.push(center + RADIUS as f32 * unit);
         }
@@ -128,17 +132,17 @@ pub fn sphere(center: Vec3) -> TriangleMesh {
     let at = |row: u32, column: u32| match row {
         // One vertex for a pole, whatever the column.
         0 => 0,
-        N => N * 2 * N,
-        _ => row * 2 * N + column % (2 * N),
+        _ if row == n => n * 2 * n,
+        _ => row * 2 * n + column % (2 * n),
     };
-    for row in 0..N {
-        for column in 0..2 * N {
+    for row in 0..n {
+        for column in 0..2 * n {
             let [a, b] = [at(row, column), at(row, column + 1)];
             let [c, d] = [at(row + 1, column), at(row + 1, column + 1)];
             if row > 0 {
                 indices.push([a, c, b]);
             }
-            if row + 1 < N {
+            if row + 1 < n {
                 indices.push([b, c, d]);
             }
         }

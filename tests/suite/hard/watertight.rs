@@ -15,9 +15,9 @@ use pathspace::scene::geometry::TriangleMesh;
 
 use super::Case;
 use crate::common::{options, render};
-use crate::conformance::shapes::{FAR, Rng, cube, mesh, sphere, toward, world};
+use crate::conformance::shapes::{FAR, Rng, cube, mesh, sphere, sphere_of, toward, world};
 use crate::conformance::{
-    EMBREE_VERTEX_MISSES, Scenario, TestRay, any, bits, closest, each_backend, judge, pack, variants,
+    Cell, EMBREE_VERTEX_MISSES, Scenario, TestRay, any, bits, closest, each_backend, judge, pack, variants,
 };
 
 /// Rays of a closed scene that are compared with brute force, and all that brute force traces: each costs 9800
@@ -26,43 +26,54 @@ const COMPARED: usize = 100;
 
 const CENTERS: [(&str, Vec3); 2] = [("origin", Vec3::ZERO), ("far", FAR)];
 
-/// A row for each backend and mode: what escaped, and what differed from brute force, in the worst of the four queries.
+/// A row for each backend and mode: what escaped, and what differed from brute force, in all four queries; each query
+/// is held to the limit by itself.
 fn closed(case: &mut Case, place: &str, scenario: &Scenario) {
-    let mut rows: Vec<(String, usize, usize, usize, usize, String)> = Vec::new();
-    judge(scenario, |row, _, cell| {
-        let name = row.name();
-        if rows.last().is_none_or(|last| last.0 != name) {
-            rows.push((name, cell.rays, 0, cell.missed_allowed, 0, String::new()));
-        }
-        let last = rows.last_mut().expect("just pushed");
-        (last.2, last.4) = (last.2.max(cell.missed), last.4.max(cell.wrong));
-        last.5 = if last.5.is_empty() { cell.example } else { std::mem::take(&mut last.5) };
+    let mut rows: Vec<(String, Vec<Cell>)> = Vec::new();
+    judge(scenario, |row, _, cell| match rows.last_mut() {
+        Some((name, cells)) if *name == row.name() => cells.push(cell),
+        _ => rows.push((row.name(), vec![cell])),
     });
-    for (name, rays, missed, allowed, wrong, example) in rows {
+    for (name, cells) in rows {
+        let sum = |of: fn(&Cell) -> usize| cells.iter().map(of).sum::<usize>();
+        let (rays, missed, allowed) = (sum(|c| c.rays), sum(|c| c.missed), sum(|c| c.missed_allowed));
         let limit = if allowed > 0 { format!("at most {allowed} of {rays}") } else { format!("0 of {rays}") };
-        let difference = if wrong > 0 { format!("{wrong} wrong hits: {example}") } else { "0 wrong hits".into() };
-        let what = format!("{name}, {place}");
-        case.row(what, limit, format!("{missed} of {rays}"), difference, missed <= allowed && wrong == 0);
+        let difference = match cells.iter().find(|cell| cell.wrong > 0) {
+            Some(cell) => format!("{} wrong hits: {}", sum(|c| c.wrong), cell.example),
+            None => "0 wrong hits".into(),
+        };
+        let ok = cells.iter().all(Cell::passes);
+        case.row(format!("{name}, {place}"), limit, format!("{missed} of {rays}"), difference, ok);
     }
 }
 
+/// All rays as renders trace them; a tenth in every other mode and with the other hint (of short lists all). A fault of
+/// a mode that loses one ray in 1000, as those that are known lose at least, shows in 20 000 with a chance of
+/// 1 − 2·10⁻⁹.
 fn scenario(name: &'static str, mesh: &TriangleMesh, rays: Vec<TestRay>) -> Scenario {
     Scenario {
         compared: rays.len().min(COMPARED),
-        hinted: rays.len().min(100_000),
+        repeated: (rays.len() / 10).max(20_000).min(rays.len()),
         ..Scenario::closed(name, world(mesh.clone()), rays)
     }
 }
 
-/// 10⁶ rays per centre and query, a tenth of that again with the coherent hint: with no miss the rate is below
-/// 3·10⁻⁶ at 95 %.
+/// The spheres: of 9800 triangles at both centres for every backend, of 224 at the origin for `flat`, which is taken
+/// for few faces alone.
+fn spheres() -> [(&'static str, Vec3, TriangleMesh, Option<BackendKind>); 3] {
+    let few = sphere_of(8, Vec3::ZERO);
+    let [origin, far] = CENTERS.map(|(place, center)| (place, center, sphere(center), None));
+    [origin, far, ("few faces", Vec3::ZERO, few, Some(BackendKind::Flat))]
+}
+
+/// 10⁶ rays per centre, backend and query: with no miss the rate is below 3·10⁻⁶ at 95 %; of other modes below 3·10⁻⁵.
 #[test]
 fn g01_random_rays() {
     let mut case = Case::open("G01", "closed sphere, random rays", "watertight traversal, far from the origin");
-    for (place, center) in CENTERS {
+    for (place, center, mesh, only) in spheres() {
         let mut rng = Rng::new(1);
         let rays = (0..1_000_000).map(|_| TestRay::new(center + rng.cube(), rng.direction())).collect();
-        closed(&mut case, place, &scenario("random rays", &sphere(center), rays));
+        closed(&mut case, place, &Scenario { only, ..scenario("random rays", &mesh, rays) });
     }
     case.close();
 }
@@ -72,8 +83,7 @@ fn g01_random_rays() {
 #[test]
 fn g02_rays_at_vertices_and_edges() {
     let mut case = Case::open("G02", "closed sphere, rays at vertices and edges", "exact hits of edges and vertices");
-    for (place, center) in CENTERS {
-        let mesh = sphere(center);
+    for (place, center, mesh, only) in spheres() {
         let corner = |i: u32| mesh.vertices[i as usize].as_dvec3();
         let mut rng = Rng::new(2);
         let mut aimed = |target: &dyn Fn([DVec3; 3]) -> DVec3| -> Vec<TestRay> {
@@ -92,9 +102,9 @@ fn g02_rays_at_vertices_and_edges() {
         used.dedup();
         let every = used.iter().map(|&i| TestRay::new(center, toward(center, corner(i)))).collect();
 
-        let lossy = |rays| Scenario { misses_allowed: EMBREE_VERTEX_MISSES, ..scenario("vertices", &mesh, rays) };
+        let lossy = |rays| Scenario { only, misses_allowed: EMBREE_VERTEX_MISSES, ..scenario("vertices", &mesh, rays) };
         closed(&mut case, &format!("{place}, vertices"), &lossy(vertices));
-        closed(&mut case, &format!("{place}, edges"), &scenario("edges", &mesh, edges));
+        closed(&mut case, &format!("{place}, edges"), &Scenario { only, ..scenario("edges", &mesh, edges) });
         closed(&mut case, &format!("{place}, centre to vertices"), &lossy(every));
     }
     case.close();
@@ -104,7 +114,7 @@ fn g02_rays_at_vertices_and_edges() {
 #[test]
 fn g03_axis_aligned_rays() {
     let mut case = Case::open("G03", "axis-aligned rays with ±0", "zero components, their sign, octant selection");
-    for (place, center) in CENTERS {
+    for (place, center, mesh, only) in spheres() {
         let mut rng = Rng::new(3);
         let mut rays = Vec::new();
         for _ in 0..20_000 {
@@ -119,7 +129,7 @@ fn g03_axis_aligned_rays() {
                 }
             }
         }
-        closed(&mut case, place, &Scenario { zero_groups: true, ..scenario("axes", &sphere(center), rays) });
+        closed(&mut case, place, &Scenario { only, zero_groups: true, ..scenario("axes", &mesh, rays) });
     }
     case.close();
 }
