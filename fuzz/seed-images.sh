@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Writes the seeds of the image target again: an image of 20 x 12 texels in the ways that the accepted formats can store
 # it. Usage: fuzz/seed-images.sh FOLDER. Needs oiiotool and Python's Pillow. (The KTX2 files are Basis Universal's own,
-# see src/texture/ktx2.rs; reduced-*: found by the fuzzer.)
+# see src/texture/ktx2.rs. hostile-dwa.exr, found by mutations, has a chunk that
+# says 6e15 bytes.)
 set -euo pipefail
 cd "$1"
 source=$(mktemp -d)
@@ -87,3 +88,6 @@ oiiotool "$grey" -d uint8 --compression none -o plain-grey.tga
 for bits in 8 10 12 16; do oiiotool "$rgb" -d uint$bits -o depth$bits.dpx; done
 oiiotool "$rgba" -d uint8 --attrib oiio:Endian little -o little.dpx
 oiiotool "$grey" -d float -o float.dpx
+# Hostile: more bytes of user data than 31 bits can count, found by mutations.
+cp little.dpx hostile-user-data.dpx
+printf '\0\0\0\231' | dd of=hostile-user-data.dpx bs=1 seek=32 conv=notrunc status=none

@@ -7,6 +7,7 @@
 //! name: some of those readers crash on hostile files.
 
 use std::io::{Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 
 use super::problem::Problem;
@@ -83,6 +84,9 @@ const MAGIC: [(&str, &str, &[u8]); 11] = [
 /// How a KTX2 file begins.
 pub(super) const KTX2: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
+/// Where a DPX header says how many bytes of the user's follow it.
+const DPX_USER_LENGTH: Range<usize> = 32..36;
+
 /// How a TGA file of version 2 ends. Version 1 has no mark.
 const TGA_END: &[u8] = b"TRUEVISION-XFILE.\0";
 
@@ -140,6 +144,21 @@ impl Encoded<'_> {
         }
     }
 
+    /// Whether the user's bytes that a DPX header names are there. OpenImageIO 2.4 allocates as many as it says before
+    /// it reads them, and ends the process where their number takes 32 bits. (SMPTE 268M: the word behind the lengths
+    /// of the two headers; all bits set is none.)
+    fn check_dpx(&self, format: &Format) -> Result<(), Problem> {
+        let first = self.first_bytes(DPX_USER_LENGTH.end)?;
+        let Some(Ok(word)) = first.get(DPX_USER_LENGTH).map(<[u8; 4]>::try_from) else { return Ok(()) };
+        let named = if first.starts_with(b"XPDS") { u32::from_le_bytes(word) } else { u32::from_be_bytes(word) };
+        let length = self.len()?;
+        if named != u32::MAX && u64::from(named) > length {
+            let reason = format!("{named} bytes of user data in a file of {length} bytes");
+            return Err(broken(format, &reason).into());
+        }
+        Ok(())
+    }
+
     /// End of the file's name, lower case.
     fn extension(&self) -> Option<String> {
         match self {
@@ -152,7 +171,11 @@ impl Encoded<'_> {
         let first = self.first_bytes(HEADER)?;
         let named = |name: &str, title: &str| Format { name: name.into(), title: title.into(), certain: true };
         if let Some((name, title, _)) = MAGIC.iter().find(|(_, _, magic)| first.starts_with(magic)) {
-            return Ok(named(name, title));
+            let format = named(name, title);
+            if *name == "dpx" {
+                self.check_dpx(&format)?;
+            }
+            return Ok(format);
         }
         if first.starts_with(b"RIFF") && first.get(8..12) == Some(b"WEBP") {
             return Ok(named("webp", "WebP"));
@@ -248,6 +271,30 @@ pub(super) fn not_finite(texels: &[[f32; 4]], width: usize, first_row: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A DPX header may not name more bytes than the file has. Oracle: the seed of the image target is refused, in
+    /// both orders of bytes; those that name none are read on.
+    #[test]
+    fn user_data_of_dpx_is_there() {
+        let seed = include_bytes!("../../fuzz/seeds/images/hostile-user-data.dpx");
+        let refusal = |bytes: &[u8]| match Encoded::Bytes(bytes).format(Decoder::Default) {
+            Ok(format) => format.name,
+            Err(Problem::Image(line)) => line,
+            Err(other) => panic!("{other:?}"),
+        };
+        assert!(refusal(seed).contains("2566914048 bytes of user data"), "{}", refusal(seed));
+        for (magic, bytes) in [(b"SDPX", [0x7f, 0, 0, 0]), (b"XPDS", [0, 0, 0, 0x7f])] {
+            let mut file = seed.to_vec();
+            (file[..4].copy_from_slice(magic), file[DPX_USER_LENGTH].copy_from_slice(&bytes));
+            assert!(refusal(&file).contains("2130706432 bytes of user data"), "{}", refusal(&file));
+            for none in [[0; 4], [0xff; 4]] {
+                file[DPX_USER_LENGTH].copy_from_slice(&none);
+                assert_eq!(refusal(&file), "dpx");
+            }
+            file.truncate(30);
+            assert_eq!(refusal(&file), "dpx");
+        }
+    }
 
     /// A TGA is read without a colour map alone. Oracle: the files' own headers.
     #[test]

@@ -38,7 +38,8 @@ pub(super) struct Header {
     pub(super) display: Window,
     /// Stored in tiles.
     pub(super) tiled: bool,
-    /// One of the compressions that the crate knows.
+    /// Every part has one of the compressions that the crate may be given. Its DWA allocates what a chunk says, of any
+    /// size.
     pub(super) plain_compression: bool,
     /// Names of channels of half or float, none subsampled; empty where one is not so.
     pub(super) channels: Vec<String>,
@@ -67,8 +68,10 @@ pub(super) fn header(bytes: &[u8], length: u64) -> Result<Header, String> {
     cursor.take(4)?;
     let version = cursor.number()?;
     let (is_tiled, is_multi_part) = (version & 0x200 != 0, version & 0x1000 != 0);
-    let first = part(&mut cursor, is_tiled, length)?.ok_or("a file without parts")?;
-    while is_multi_part && part(&mut cursor, false, length)?.is_some() {}
+    let mut first = part(&mut cursor, is_tiled, length)?.ok_or("a file without parts")?;
+    while is_multi_part && let Some(other) = part(&mut cursor, false, length)? {
+        first.plain_compression &= other.plain_compression;
+    }
     Ok(first)
 }
 
@@ -77,7 +80,7 @@ fn part(cursor: &mut Cursor, is_tiled: bool, length: u64) -> Result<Option<Heade
     let (mut data, mut display, mut compression, mut tile) = (None, None, None, None);
     let mut channels: Vec<(String, u32, bool)> = Vec::new();
     let mut kind = if is_tiled { "tiledimage" } else { "scanlineimage" }.to_owned();
-    let mut is_empty = true;
+    let (mut is_empty, mut plain_compression) = (true, true);
     loop {
         let name = cursor.text()?;
         if name.is_empty() {
@@ -90,7 +93,10 @@ fn part(cursor: &mut Cursor, is_tiled: bool, length: u64) -> Result<Option<Heade
         match name.as_str() {
             "dataWindow" => data = Some(value.window()?),
             "displayWindow" => display = Some(value.window()?),
-            "compression" => compression = value.take(1)?.first().copied(),
+            "compression" => {
+                compression = value.take(1)?.first().copied();
+                plain_compression &= compression.is_some_and(|compression| compression <= 7);
+            }
             "tiles" => tile = Some((value.number()?, value.number()?)),
             "type" => kind = String::from_utf8_lossy(value.0).into_owned(),
             "channels" => loop {
@@ -137,7 +143,7 @@ fn part(cursor: &mut Cursor, is_tiled: bool, length: u64) -> Result<Option<Heade
     }
     let is_usual = channels.iter().all(|(_, kind, whole)| matches!(kind, 1 | 2) && *whole);
     let channels = if is_usual { channels.into_iter().map(|(name, ..)| name).collect() } else { Vec::new() };
-    Ok(Some(Header { data, display, tiled, plain_compression: compression <= 7, channels }))
+    Ok(Some(Header { data, display, tiled, plain_compression, channels }))
 }
 
 /// Scan lines of a chunk.
