@@ -2,10 +2,12 @@
 //! refused before it is allocated, because the alternative is a process that the system ends.
 //!
 //! What is held already is measured (resident bytes), the rest is counted: the film and its layers, the waves of the
-//! workers, an EXR on its way to the disk exactly, the hierarchy by bytes a triangle (`backend/size.rs`). The total is
-//! the largest sum at one time. Limits: lists of ids are counted with `COUNTED_IDS` entries a pixel at most, though
-//! pixels that meet more names have more (`film/ids.rs`); textures that the tile cache may still read are not in it
-//! (`--texture-memory` bounds them); the parts of libraries in address space alone are not either.
+//! workers, an EXR on its way to the disk exactly, the hierarchy by bytes a triangle (`backend/size.rs`); what surveys
+//! leave in the heaps is measured after them. The total is the largest sum at one time. Limits: pages of the sums of
+//! light paths that no path reaches are counted, though the system never gives them; lists of ids are counted with
+//! `COUNTED_IDS` entries a pixel at most, though pixels that meet more names have more (`film/ids.rs`); textures that
+//! the tile cache may still read are not in it (`--texture-memory` bounds them); the parts of libraries in address
+//! space alone are not either.
 
 use std::fmt;
 
@@ -50,7 +52,8 @@ const PER_THREAD: u64 = 1 << 20;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Part {
-    /// "program", "scene", "textures", "geometry", "hierarchy", "building", "film", "layers", "waves", "writing".
+    /// "program", "scene", "textures", "geometry", "hierarchy", "building", "film", "layers", "waves", "writing",
+    /// "light paths", "heaps" (what surveys have left in the threads' heaps beyond the waves that will lie there).
     pub what: &'static str,
     /// Bytes.
     pub bytes: u64,
@@ -73,13 +76,24 @@ pub struct Need {
 /// Name of the part of light paths.
 const LIGHT_PATHS: &str = "light paths";
 
-/// What they take of a pixel: the sums of the render and of a pass, those of both together, and the picture with them.
-const LIGHT_PATH_PIXEL: u64 = 3 * splats::BYTES + size_of::<Pixel>() as u64;
+/// Name of the part that surveys leave.
+const HEAPS: &str = "heaps";
+
+/// Parts from here on are taken when the hierarchy is built.
+const AFTER_BUILDING: usize = 6;
+
+/// What they take of a pixel: while a pass is added, the sums of the render, of the pass and of both; after it, the
+/// sums and the picture with them.
+const LIGHT_PATH_PIXEL: u64 = {
+    let [adding, looking] = [3 * splats::BYTES, splats::BYTES + size_of::<Pixel>() as u64];
+    if adding > looking { adding } else { looking }
+};
 
 impl Need {
     /// What a render of `plan` takes, before its hierarchy is built.
     pub(super) fn of(scene: &Scene, geometry: &Geometry, plan: &RenderPlan) -> Need {
-        let (hierarchy, names) = (size::of(plan.backend, geometry), scene.instances.len() as u64);
+        let hierarchy = size::of(plan.backend, geometry, plan.threads);
+        let names = scene.instances.len() as u64;
         let window = (plan.window.width, plan.window.height);
         let pixels = u64::from(window.0) * u64::from(window.1);
         let [scene, textures, geometry] = [scene_bytes(scene), texture_bytes(scene), geometry_bytes(geometry)];
@@ -101,20 +115,40 @@ impl Need {
             ("waves", plan.threads as u64 * waves),
             ("writing", pixels * (PIXEL_OVERHEAD - 8)),
             (LIGHT_PATHS, if plan.features.light_paths { pixels * LIGHT_PATH_PIXEL + light_waves } else { 0 }),
+            (HEAPS, 0),
         ];
         let parts = parts.map(|(what, bytes)| Part { what, bytes }).to_vec();
-        let [kept, building, after] =
-            [hierarchy.bytes, hierarchy.building, parts[6..].iter().map(|part| part.bytes).sum()];
-        let total = (held + kept + building.max(after)).max(room::most_resident().unwrap_or(0));
-        Need { parts, held_bytes: held, total_bytes: total, threads: plan.threads }
+        let need = Need { parts, held_bytes: held, total_bytes: 0, threads: plan.threads };
+        need.with_total()
     }
 
-    /// The same for a render that turns out to have no light paths.
-    pub(super) fn without_light_paths(mut self) -> Need {
-        if let Some(part) = self.parts.iter_mut().find(|part| part.what == LIGHT_PATHS) {
-            self.total_bytes -= std::mem::take(&mut part.bytes);
+    /// The same once the hierarchy is built and surveys are made, with or without light paths: what the surveys have
+    /// left in the heaps is held as well.
+    pub(super) fn surveyed(&self, light_paths: bool) -> Need {
+        let mut need = self.clone();
+        let hierarchy = need.bytes_of("hierarchy");
+        let left = room::resident().unwrap_or(0).saturating_sub(need.held_bytes + hierarchy);
+        let heaps = left.saturating_sub(need.bytes_of("waves"));
+        for part in &mut need.parts {
+            match part.what {
+                LIGHT_PATHS if !light_paths => part.bytes = 0,
+                HEAPS => part.bytes = heaps,
+                _ => {}
+            }
         }
+        need.with_total()
+    }
+
+    /// With the largest sum at one time.
+    fn with_total(mut self) -> Need {
+        let after: u64 = self.parts[AFTER_BUILDING..].iter().map(|part| part.bytes).sum();
+        let total = self.held_bytes + self.bytes_of("hierarchy") + self.bytes_of("building").max(after);
+        self.total_bytes = total.max(room::most_resident().unwrap_or(0));
         self
+    }
+
+    fn bytes_of(&self, what: &str) -> u64 {
+        self.parts.iter().find(|part| part.what == what).map_or(0, |part| part.bytes)
     }
 
     /// Whether the hierarchy fits, before it is built.
@@ -122,7 +156,7 @@ impl Need {
     /// # Errors
     /// [`Error::Memory`] with the numbers.
     pub(super) fn check_building(&self) -> Result<()> {
-        let [.., hierarchy, building, _, _, _, _, _] = &self.parts[..] else { unreachable!("made with all its parts") };
+        let [_, _, _, _, hierarchy, building, ..] = &self.parts[..] else { unreachable!("made with all its parts") };
         fits("the hierarchy", hierarchy.bytes + building.bytes, self.threads, || {
             (vec![hierarchy.to_string(), building.to_string()], FEWER_THREADS.into())
         })

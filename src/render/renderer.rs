@@ -120,6 +120,7 @@ impl<'a> Renderer<'a> {
             build_time: start.elapsed(),
         };
         renderer.survey_techniques(&options)?;
+        renderer.need = renderer.need.surveyed(renderer.light_paths.is_some());
         renderer.build_time = start.elapsed();
         Ok(renderer)
     }
@@ -211,7 +212,7 @@ impl<'a> Renderer<'a> {
         self.build_time
     }
 
-    /// What it takes in memory, by part, as it was known before the hierarchy was built.
+    /// What it takes in memory, by part, as it was known before the hierarchy was built, and what surveys have left.
     pub fn need(&self) -> &Need {
         &self.need
     }

@@ -143,9 +143,6 @@ impl Renderer<'_> {
             self.plan.set_light_paths(found.share, found.reason);
             self.light_paths = self.light_paths.take().filter(|_| found.share > 0.0);
         }
-        if self.light_paths.is_none() {
-            self.need = self.need.clone().without_light_paths();
-        }
         if self.plan.features.guide {
             let asked = options.guiding == Guiding::On;
             let found = surveys.guide(self.settings_of_guide(asked), || self.learn(asked))?;
