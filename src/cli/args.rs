@@ -298,17 +298,17 @@ pub struct RenderArgs {
     )]
     pub min_spp: u64,
 
-    /// Write no picture: list what each sample of this pixel of the full picture gave (--spp of them), the largest
-    /// marked
+    /// Write no picture: list what each sample of this pixel of the full picture gave (--spp or --time of them), the
+    /// largest marked
     #[arg(long, value_name = "X,Y", value_parser = units::pixel, help_heading = "Replay", conflicts_with_all = [
         "preview", "serve", "display_server", "show", "output", "png", "jpg", "quick", "exposure", "tone_map",
         "transparent", "background", "make_path", "aov", "half", "reproducible", "pass_names", "colorspace", "stats",
-        "report", "reference", "error_log", "time", "error", "crop", "progress", "denoiser_layers", "denoise",
+        "report", "reference", "error_log", "error", "crop", "progress", "denoiser_layers", "denoise",
     ])]
     pub pixel: Option<(u32, u32)>,
     /// Tell the path of this one sample, from 0, vertex by vertex: positions, normals, lobes, densities, weights,
     /// contributions
-    #[arg(long, value_name = "N", requires = "pixel", conflicts_with = "spp", help_heading = "Replay")]
+    #[arg(long, value_name = "N", requires = "pixel", conflicts_with_all = ["spp", "time"], help_heading = "Replay")]
     pub sample: Option<u64>,
     /// Print the replay as JSON
     #[arg(long, requires = "pixel", help_heading = "Replay")]

@@ -2,6 +2,7 @@
 //! printed with the fewest digits that read back as the same bits.
 
 use std::fmt::Write;
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -26,7 +27,7 @@ const MOST_SAMPLES: u64 = 1 << 22;
 /// As a render's; and for a pixel outside the picture.
 pub fn run(args: &RenderArgs, pixel: (u32, u32)) -> Result<u8> {
     job::check(&args.settings)?;
-    let count = args.spp.unwrap_or(DEFAULT_SPP);
+    let count = args.spp.unwrap_or(if args.time.is_some() { MOST_SAMPLES } else { DEFAULT_SPP });
     if count > MOST_SAMPLES {
         let problem = format!("{count} samples of a pixel; expected at most {MOST_SAMPLES}, or one by --sample");
         return Err(Error::Option { option: "--spp", problem });
@@ -44,7 +45,10 @@ pub fn run(args: &RenderArgs, pixel: (u32, u32)) -> Result<u8> {
         return Ok(if replay.nonfinite_bounce.is_some() { EXIT_NONFINITE } else { EXIT_OK });
     }
     let waiting = Waiting::begin(verbosity, "replaying");
-    let samples = (0..count).map(|sample| renderer.replay(pixel, sample).map(|r| Line::of(&r)));
+    let start = Instant::now();
+    // One at least, so that there is something to tell.
+    let goes_on = |sample: &u64| *sample == 0 || args.time.is_none_or(|time| start.elapsed() < time);
+    let samples = (0..count).take_while(goes_on).map(|sample| renderer.replay(pixel, sample).map(|r| Line::of(&r)));
     let summary = Summary::of(pixel, samples.collect::<Result<_>>()?);
     drop(waiting);
     print(&if args.json { to_json(&summary) } else { table(&summary) })?;

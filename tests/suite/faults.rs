@@ -326,7 +326,7 @@ fn absurd_numbers_are_answered_at_once() {
     assert!(begin.elapsed() < Duration::from_secs(40), "{:?}", begin.elapsed());
 }
 
-/// `--time` bounds checks and benchmarks, whatever else is asked for; what they did then is in their records. Whether
+/// `--time` bounds checks, replays and benchmarks, whatever else is asked for; what they did then is in their records. Whether
 /// the check agrees is not judged here: its samples depend on the clock.
 #[test]
 fn time_bounds_checks_and_benchmarks() {
@@ -344,6 +344,11 @@ fn time_bounds_checks_and_benchmarks() {
     assert_eq!(output.status.code(), Some(2), "{}", err(&output));
     assert!(err(&output).contains("--time") && err(&output).contains("--patches"), "{}", err(&output));
 
+    let output = run(&["render", text(&scene), "--pixel", "9,9", "--json", "-q", "--time", "1s"]);
+    assert!(output.status.success(), "{}", err(&output));
+    let samples = record(&output)["samples"].as_array().expect("a list").len();
+    assert!((1..1 << 22).contains(&samples), "{samples}");
+
     let args = ["--json", "-q", "--width", "100", "--spp", "65536", "--pairs", "1000", "--time", "2s"];
     let output = run(&[&["bench", text(&scene)][..], &args].concat());
     assert!(output.status.success(), "{}", err(&output));
@@ -360,12 +365,15 @@ fn memory_is_known_before_it_is_taken() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (scene, picture, stats) = (cornell_box(), folder.path().join("o.exr"), folder.path().join("s.json"));
     let (scene, files) = (text(&scene), ["-o", text(&picture), "--stats", text(&stats), "-v", "--spp", "1", "-t", "2"]);
-    let output = run(&[&["render", scene, "--width", "1000", "--height", "1000", "--aov", "Z"][..], &files].concat());
-    assert!(err(&output).contains("memory      "), "{}", err(&output));
-    let record: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(&stats).expect("written")).expect("valid JSON");
-    let [need, peak] = ["memory_need_bytes", "peak_rss_bytes"].map(|key| record[key].as_f64().expect("a count"));
-    assert!((need / peak - 1.0).abs() < 0.1, "{need} bytes expected, {peak} taken");
+    // Of the small picture most is the program, and what surveys leave.
+    for side in ["1000", "100"] {
+        let output = run(&[&["render", scene, "--width", side, "--height", side, "--aov", "Z"][..], &files].concat());
+        assert!(err(&output).contains("memory      "), "{}", err(&output));
+        let record: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&stats).expect("written")).expect("valid JSON");
+        let [need, peak] = ["memory_need_bytes", "peak_rss_bytes"].map(|key| record[key].as_f64().expect("a count"));
+        assert!((need / peak - 1.0).abs() < 0.1, "{side}: {need} bytes expected, {peak} taken");
+    }
 
     let limited = |megabytes: u32, args: &[&str]| {
         let script = format!("ulimit -v {}; exec \"$@\"", megabytes << 10);
