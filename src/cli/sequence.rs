@@ -26,7 +26,7 @@ use super::units::ShutterAngle;
 use crate::error::{Error, Result};
 use crate::film::exr::text_attribute;
 use crate::film::oidn::Oidn;
-use crate::film::store::mix;
+use crate::math::hash::mix;
 use crate::render::checkpoint::Checkpoint;
 use crate::render::identity::{digest_of, digest_of_files};
 use crate::render::{Absent, CameraChoice, RenderOptions, Renderer};

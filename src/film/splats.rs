@@ -8,7 +8,8 @@
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::Relaxed};
 
-use super::store::{Film, mix};
+use super::store::Film;
+use crate::math::hash::mix;
 use crate::plan::options::Crop;
 
 /// Bytes of a pixel.

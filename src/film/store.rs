@@ -12,6 +12,7 @@ use super::layer::bounces::PathLengths;
 use super::layer::kind::{Layer, Shape, Values};
 use super::layer::{self, LAYERS};
 use crate::error::{Error, Result};
+use crate::math::hash::mix;
 use crate::plan::aov::{Aov, Gathers};
 use crate::plan::options::Crop;
 
@@ -440,14 +441,6 @@ impl Film {
         }
         digest
     }
-}
-
-/// One step of a hash: a bijection of `value` for each state (Stafford's variant 13 of the SplitMix finaliser).
-pub(crate) fn mix(state: u64, value: u64) -> u64 {
-    let mut z = (state.rotate_left(5) ^ value).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ pub mod angle;
 pub mod columns;
 pub mod float;
 pub mod frame;
+pub(crate) mod hash;
 pub mod lanes;
 pub mod pareto;
 pub mod quad;

@@ -16,7 +16,7 @@ use super::survey::{GAIN, rest, small, smoothed};
 use crate::camera::CameraRays;
 use crate::error::Result;
 use crate::film::Pixel;
-use crate::film::store::mix;
+use crate::math::hash::mix;
 use crate::plan::{GuideRecord, RenderPlan};
 use crate::shading::guide::{Guide, Record};
 use crate::transport::counters::Counters;
