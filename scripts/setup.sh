@@ -6,7 +6,9 @@
 #                                                     gates: valgrind as well
 #                                                     fuzz: a C++ compiler and OpenImageIO, which the targets need
 #                                                     browser: Chromium as well
-#                                                     farm: Slurm, and openjd-cli from PyPI in target/farm-venv
+#                                                     farm: Slurm, openjd-cli from PyPI in target/farm-venv, and what
+#                                                       reads and filters pictures (OpenImageIO and NumPy for Python;
+#                                                       pyoidn and cryptomatte-api from PyPI, in the same folder)
 #                                                     packages: what packing needs, dpkg-dev and Python's venv
 # Needs: a Rust toolchain; root or sudo if a package is missing. Changes nothing else, and may be run again at will.
 
@@ -32,7 +34,7 @@ case "${1:-}" in
     packages+=(libclang-dev g++ pkg-config libopenimageio-dev)
     [ "${1:-}" != gates ] || tools+=(valgrind)
     [ "${1:-}" != browser ] || tools+=(chromium) ;;
-  farm) packages=(); tools+=(slurmctld slurmd slurm-client python3-venv) ;;
+  farm) packages=(); tools+=(slurmctld slurmd slurm-client python3-venv python3-numpy python3-openimageio) ;;
   packages) packages=(gcc libc6-dev make); tools+=(dpkg-dev python3-venv) ;;
   *) fail "unknown argument '$1'; usage: scripts/setup.sh [nolib | lint | gates | fuzz | browser | farm | packages]" ;;
 esac
@@ -61,9 +63,16 @@ fi
 # Ends well; of what only Python has, a folder of its own.
 finish() {
   local venv; venv=$(dirname "$(readlink -f "$0")")/../target/farm-venv
-  if [ "$1" = farm ] && ! [ -x "$venv/bin/openjd" ]; then
-    /usr/bin/python3 -m venv "$venv" && "$venv/bin/pip" install -q openjd-cli==0.8.0 >&2 ||
-      fail "openjd-cli cannot be installed by pip; see its message above"
+  if [ "$1" = farm ]; then
+    if ! [ -x "$venv/bin/openjd" ]; then
+      /usr/bin/python3 -m venv "$venv" && "$venv/bin/pip" install -q openjd-cli==0.8.0 >&2 ||
+        fail "openjd-cli cannot be installed by pip; see its message above"
+    fi
+    local package
+    for package in pyoidn==2.5.1.0 cryptomatte-api==1.0.0; do
+      "$venv/bin/pip" show -q "${package%%==*}" 2>/dev/null || "$venv/bin/pip" install -q "$package" >&2 ||
+        say "*** $package CANNOT BE HAD, see above: what needs it is NOT TESTED"
+    done
   fi
   say "$2"
   exit 0
