@@ -202,6 +202,20 @@ pub struct BackendInfo {
     pub triangles: u64,
 }
 
+/// What is left of the backend of one frame of an animation for that of the next ([`select::build_after`]).
+#[derive(Default)]
+#[non_exhaustive]
+pub enum Kept {
+    /// Everything is built anew.
+    #[default]
+    Nothing,
+    /// Embree's scenes.
+    #[cfg(feature = "embree")]
+    Embree(Box<embree::Embree>),
+    /// The hierarchies of `obvhs`, also of `flat+obvhs`.
+    Obvhs(Box<obvhs::Obvhs>),
+}
+
 /// Closest-hit and any-hit queries over batches of 16-lane blocks.
 ///
 /// Calls are thread-safe and deterministic: a lane's result depends on its ray alone, not on its neighbours, on the
@@ -209,6 +223,11 @@ pub struct BackendInfo {
 pub trait Backend: Send + Sync {
     /// Name, version, instruction set, effective query modes.
     fn info(&self) -> &BackendInfo;
+
+    /// What the backend of another frame may take over.
+    fn keep(self: Box<Self>) -> Kept {
+        Kept::Nothing
+    }
 
     /// Finds the closest hit of the first `len` rays of `blocks` (lane-major, `len ≤ 16·blocks.len()`): writes the
     /// hit columns and `tfar`; lanes without a hit get `geom = INVALID_ID`. Returns the number of invalid rays, which

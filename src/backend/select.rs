@@ -16,7 +16,7 @@ use super::flat::{self, Flat};
 use super::joint::{self, Joint};
 use super::obvhs::Obvhs;
 use super::weights;
-use super::{Backend, BackendKind, BackendOptions, QueryMode};
+use super::{Backend, BackendKind, BackendOptions, Kept, QueryMode};
 use crate::error::{Error, Result};
 use crate::math::simd::detect;
 use crate::scene::geometry::{Geometry, TriangleMesh};
@@ -250,19 +250,139 @@ impl BackendKind {
 /// # Errors
 /// [`Error::Backend`] when the library is not in this build or refuses.
 pub fn build(kind: BackendKind, geometry: &Geometry, options: &BackendOptions) -> Result<Box<dyn Backend>> {
+    build_after(kind, geometry, options, Kept::Nothing)
+}
+
+/// [`build`], taking over from that of another frame what is the same there ([`Frames`]). Hits are those of a backend
+/// that is built alone, bit for bit.
+///
+/// [`Frames`]: crate::scene::geometry::Frames
+///
+/// # Errors
+/// As [`build`].
+pub fn build_after(
+    kind: BackendKind,
+    geometry: &Geometry,
+    options: &BackendOptions,
+    kept: Kept,
+) -> Result<Box<dyn Backend>> {
     let none = TriangleMesh::default();
     let world = geometry.meshes.first().unwrap_or(&none);
     match kind {
         #[cfg(feature = "embree")]
-        BackendKind::Embree => Ok(Box::new(Embree::build(geometry, options)?)),
+        BackendKind::Embree => {
+            let kept = if let Kept::Embree(kept) = kept { Some(*kept) } else { None };
+            Ok(Box::new(Embree::build_after(geometry, options, kept)?))
+        }
         #[cfg(not(feature = "embree"))]
         BackendKind::Embree => Err(Error::Backend {
             backend: "embree",
             problem: "this build has no Embree (cargo feature `embree` is off); use --backend obvhs".into(),
         }),
-        BackendKind::Obvhs => Ok(Box::new(Obvhs::build(geometry, world, options)?)),
+        BackendKind::Obvhs => Ok(Box::new(Obvhs::build_after(geometry, world, options, kept)?)),
         BackendKind::Flat => Ok(Box::new(Flat::build(geometry, options)?)),
-        BackendKind::FlatObvhs => Ok(Box::new(Joint::build(geometry, &DIVISION, options)?)),
+        BackendKind::FlatObvhs => Ok(Box::new(Joint::build_after(geometry, &DIVISION, options, kept)?)),
         BackendKind::Brute => Ok(Box::new(Brute::build(geometry))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Affine3A, Vec3};
+
+    use super::*;
+    use crate::backend::Coherence;
+    use crate::backend::batch::{INVALID_ID, LANES, RayHitBlock};
+    use crate::scene::geometry::{Frames, Placement};
+
+    /// A wavy ground of 2·12² triangles in the world, with a quad above it that frames have elsewhere and whose
+    /// triangles stand in the middle; and two more such grounds by instances.
+    fn frame(x: f32) -> Geometry {
+        let side = 12u32;
+        let at = |i: u32| Vec3::new((i % 13) as f32, 0.7 * (i as f32).sin(), (i / 13) as f32) / 6.0 - 1.0;
+        let ground = TriangleMesh {
+            vertices: (0..13 * 13).map(at).chain([Vec3::ZERO]).collect(),
+            indices: (0..side * side)
+                .map(|i| i / side * 13 + i % side)
+                .flat_map(|i| [[i, i + 13, i + 1], [i + 1, i + 13, i + 14]])
+                .collect(),
+            ..TriangleMesh::default()
+        };
+        let mut world = ground.clone();
+        let first = world.vertices.len() as u32;
+        let corners = [(-0.3, -0.3), (-0.3, 0.3), (0.3, 0.3), (0.3, -0.3)];
+        world.vertices.extend(corners.map(|(dx, z)| Vec3::new(x + dx, -0.5, z)).into_iter().chain([Vec3::ZERO]));
+        world.indices.splice(100..100, [[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        let instances = [-2.0, 2.0].map(|y| Placement::new(1, Affine3A::from_translation(Vec3::Y * y))).into();
+        let bounds = (Vec3::new(-2.0, -4.0, -2.0), Vec3::new(2.0, 4.0, 2.0));
+        Geometry {
+            meshes: vec![world, ground],
+            instances,
+            frames: Frames::apart(100..102),
+            bounds,
+            // So many that Embree chooses its nodes, as in scenes that are worth it.
+            triangles: vec![bytemuck::Zeroable::zeroed(); 600],
+            ..Geometry::default()
+        }
+    }
+
+    /// Backends of frames that take over what they can have the bits of those that are built alone, in all modes.
+    /// Oracles: the latter; for what is met `brute`, but for rays on edges.
+    #[test]
+    fn what_is_kept_changes_no_bit() {
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut rays = vec![RayHitBlock::EMPTY; 16];
+        for i in 0..16 * LANES {
+            let org = Vec3::new(1.6 * random() - 0.8, random() - 0.6, 1.6 * random() - 0.8);
+            let dir = Vec3::new(random() - 0.5, random() - 0.7, random() - 0.5).normalize();
+            rays[i / LANES].ray.set(i % LANES, org, dir, f32::INFINITY);
+        }
+        let met = |hits: &[RayHitBlock]| -> Vec<[u32; 3]> {
+            let hit = |i: usize| (&hits[i / LANES].hit, i % LANES);
+            (0..hits.len() * LANES)
+                .map(hit)
+                .map(|(hit, lane)| [hit.geom[lane], hit.inst[lane], hit.prim[lane]])
+                .collect()
+        };
+        let mut oracle = std::collections::HashMap::new();
+        for &kind in BackendKind::available().iter().filter(|kind| **kind != BackendKind::Brute) {
+            for mode in [QueryMode::Packet16, QueryMode::Single, QueryMode::Stream] {
+                let options = BackendOptions::with_mode(mode);
+                let mut kept = Kept::Nothing;
+                for x in [-0.5f32, 0.25, 0.25, 0.5] {
+                    let geometry = frame(x);
+                    let after = build_after(kind, &geometry, &options, std::mem::take(&mut kept)).expect("it builds");
+                    let alone = build(kind, &geometry, &options).expect("it builds");
+                    let trace = |backend: &dyn Backend| {
+                        let mut hits = rays.clone();
+                        assert_eq!(backend.closest_hit(&mut hits, 16 * LANES, Coherence::Incoherent), 0);
+                        let mut shadow: Vec<_> = rays.iter().map(|block| block.ray).collect();
+                        backend.any_hit(&mut shadow, 16 * LANES, Coherence::Incoherent);
+                        (hits, shadow)
+                    };
+                    let [(hits, shadow), (hits_alone, shadow_alone)] = [&after, &alone].map(|one| trace(one.as_ref()));
+                    let bytes = |hits: &[RayHitBlock]| bytemuck::cast_slice::<_, u8>(hits).to_vec();
+                    assert!(bytes(&hits) == bytes(&hits_alone), "{kind:?} {mode} {x}");
+                    assert!(
+                        bytemuck::cast_slice::<_, u8>(&shadow) == bytemuck::cast_slice::<_, u8>(&shadow_alone),
+                        "{kind:?} {mode} {x}: shadow rays"
+                    );
+                    let theirs = oracle.entry(x.to_bits()).or_insert_with(|| met(&trace(&Brute::build(&geometry)).0));
+                    let ours = met(&hits);
+                    let missed = |of: &[u32; 3]| of[0] == INVALID_ID;
+                    let other =
+                        ours.iter().zip(theirs.iter()).filter(|(a, b)| a != b && !(missed(a) && missed(b))).count();
+                    let quad = ours
+                        .iter()
+                        .filter(|[geom, inst, prim]| (*geom, *inst) == (0, INVALID_ID) && (100..102).contains(prim));
+                    assert!(other <= 2 && quad.count() > 4, "{kind:?} {mode} {x}: {other} differ");
+                    kept = after.keep();
+                }
+            }
+        }
     }
 }

@@ -45,15 +45,18 @@ pub fn is_pattern(path: &Path) -> bool {
     name(path).is_some_and(|name| place(name).is_some())
 }
 
-/// The file of frame `frame`: the number in the place that the name has for it, else, in a sequence of `several`
+/// The file of frame `frame`: the number in every place that the name has for it, else, in a sequence of `several`
 /// frames, as `.0001` before the extension.
 pub fn file(path: &Path, frame: u32, several: bool) -> PathBuf {
-    let Some(name) = name(path) else { return path.into() };
-    match place(name) {
-        Some((before, width, after)) => path.with_file_name(format!("{before}{frame:0width$}{after}")),
-        None if several => file(&pattern(path), frame, true),
-        None => path.into(),
+    if !is_pattern(path) {
+        return if several && name(path).is_some() { file(&pattern(path), frame, true) } else { path.into() };
     }
+    let mut name = name(path).unwrap_or_default().to_owned();
+    // The number has no place for another.
+    while let Some((before, width, after)) = place(&name) {
+        name = format!("{before}{frame:0width$}{after}");
+    }
+    path.with_file_name(name)
 }
 
 /// The name with a place for the number: `.####` before the extension, where it has none.
@@ -113,6 +116,7 @@ mod tests {
         assert_eq!((named("f_%04d.exr", false), named("f%d.png", true)), ("f_0007.exr".into(), "f7.png".into()));
         assert_eq!((named("f.exr", true), named("f.exr", false)), ("f.0007.exr".into(), "f.exr".into()));
         assert_eq!(file(Path::new("f.##.exr"), 12345, true), Path::new("f.12345.exr"));
+        assert_eq!(named("f%d/%02d_f.####.#.exr", true), "f%d/07_f.0007.7.exr");
         assert_eq!(
             ["a/f.exr", "f.%d.exr", "f"].map(|path| pattern(Path::new(path))),
             [PathBuf::from("a/f.####.exr"), PathBuf::from("f.%d.exr"), PathBuf::from("f.####"),]

@@ -1,6 +1,6 @@
 //! `pathspace render --frames`: many pictures of one scene. What does not change between frames is loaded and built
 //! once: a scene without animations wholly (a turntable moves the camera alone), of another one the materials,
-//! textures and environment.
+//! textures, environment, and the hierarchies of what stands still.
 //!
 //! A frame that is broken off ends the sequence; a frame that misses its target, or has samples that are not finite,
 //! does not, and the exit code is that of the first such frame.
@@ -23,6 +23,7 @@ use super::render::{Frame, render_frame, warn};
 use super::report::Verbosity;
 use super::signal::Signals;
 use super::units::ShutterAngle;
+use crate::backend::Kept;
 use crate::error::{Error, Result};
 use crate::film::exr::text_attribute;
 use crate::film::oidn::Oidn;
@@ -150,7 +151,7 @@ impl<'s> Sequence<'s> {
                         renderer.retarget(&options)?;
                         renderer
                     }
-                    none => none.insert(self.build(scene, &options)?),
+                    none => none.insert(self.build(scene, &options, Kept::Nothing)?),
                 };
                 self.render(renderer, (frame, &outputs, key, options), (earlier, resume), start, progress)?;
             }
@@ -168,7 +169,7 @@ impl<'s> Sequence<'s> {
         start: Instant,
         progress: &mut Progress,
     ) -> Result<()> {
-        let mut start = start;
+        let (mut start, mut kept) = (start, Kept::Nothing);
         let mut at = self.args.sequence.frame_start;
         let placed = self.placed(&scene);
         for &frame in &self.frames {
@@ -192,8 +193,9 @@ impl<'s> Sequence<'s> {
                 }
                 let (earlier, resume) = self.earlier(frame)?;
                 let options = self.settled(options, earlier.as_ref());
-                let renderer = self.build(&scene, &options)?;
+                let renderer = self.build(&scene, &options, std::mem::take(&mut kept))?;
                 self.render(&renderer, (frame, &outputs, key, options), (earlier, resume), start, progress)?;
+                kept = renderer.keep();
             }
             progress.done += 1;
             start = Instant::now();
@@ -227,9 +229,9 @@ impl<'s> Sequence<'s> {
     }
 
     /// Makes a renderer, if it fits into memory.
-    fn build<'a>(&self, scene: &'a Scene, options: &RenderOptions) -> Result<Renderer<'a>> {
+    fn build<'a>(&self, scene: &'a Scene, options: &RenderOptions, kept: Kept) -> Result<Renderer<'a>> {
         options.check_memory_for(scene)?;
-        let renderer = Renderer::new(scene, options.clone())?;
+        let renderer = Renderer::new_after(scene, options.clone(), kept)?;
         self.verbosity.detail(renderer.record());
         self.verbosity.detail(renderer.need());
         Ok(renderer)

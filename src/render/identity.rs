@@ -152,6 +152,7 @@ fn content_of(scene: &Scene) -> u64 {
         digest = mix(mix(digest, instance.mesh.0.into()), scene.material_of(instance).0.into());
         digest = posed(digest, &instance.world_from_object);
     }
+    digest = scene.motion.animated.iter().fold(digest, |digest, &instance| mix(digest, instance as u64));
     for tracks in [&scene.motion.instances, &scene.motion.cameras] {
         digest = mix(digest, tracks.len() as u64);
         for track in tracks {

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::memory::{self, Need};
-use crate::backend::{self, Backend, BackendInfo};
+use crate::backend::{self, Backend, BackendInfo, Kept};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
@@ -82,6 +82,15 @@ impl<'a> Renderer<'a> {
     /// [`Error::Option`] for options out of range, [`Error::Backend`] when the backend cannot be built,
     /// [`Error::InvalidScene`] for lights that are not finite.
     pub fn new(scene: &'a Scene, options: RenderOptions) -> Result<Self> {
+        Renderer::new_after(scene, options, Kept::Nothing)
+    }
+
+    /// [`new`](Self::new) for another frame of an animation: what is the same as in the one that `kept` is of, as far as
+    /// the backend can tell, is not built again. Its renders have the bits of those of a renderer that is made alone.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn new_after(scene: &'a Scene, options: RenderOptions, mut kept: Kept) -> Result<Self> {
         let start = Instant::now();
         memory::check_geometry(scene)?;
         let mut geometry = Geometry::build(scene);
@@ -94,8 +103,12 @@ impl<'a> Renderer<'a> {
         let pool = machine::pool(plan.threads, "render")
             .map_err(|e| Error::Option { option: "--threads", problem: e.to_string() })?;
         let need = Need::of(scene, &geometry, &plan);
-        need.check_building()?;
-        let backend = backend::select::build(plan.backend, &geometry, &plan.backend_options())?;
+        if need.check_building().is_err() {
+            // There may be room without it.
+            drop(std::mem::take(&mut kept));
+            need.check_building()?;
+        }
+        let backend = backend::select::build_after(plan.backend, &geometry, &plan.backend_options(), kept)?;
         let camera = CameraRays::new(&scene.cameras[plan.camera], plan.resolution, plan.lens)?;
         let camera_steps = camera_steps(scene, &plan)?;
         let media = media_of(&geometry, &camera, &plan);
@@ -123,6 +136,11 @@ impl<'a> Renderer<'a> {
         renderer.need = renderer.need.surveyed(renderer.light_paths.is_some());
         renderer.build_time = start.elapsed();
         Ok(renderer)
+    }
+
+    /// What the renderer of another frame may take over ([`new_after`](Self::new_after)).
+    pub fn keep(self) -> Kept {
+        self.backend.keep()
     }
 
     /// Takes other options for the renders to come. Nothing is built again, so backend, traversal and ray modes must

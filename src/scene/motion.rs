@@ -96,6 +96,8 @@ pub struct Motion {
     pub animations: Vec<Span>,
     /// Instances that move, by ascending index.
     pub instances: Vec<Track>,
+    /// Instances that the animation moves or bends at some time, by ascending index; none without a shutter.
+    pub animated: Vec<usize>,
     /// Cameras that move, by ascending index.
     pub cameras: Vec<Track>,
     /// The worst of the ways that are not straight, if it is off by more than rounding.

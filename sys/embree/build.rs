@@ -125,7 +125,9 @@ fn generate(found: &Found, header: &str, target: &Path) -> Result<(), String> {
         .allowlist_function("rtcGetDevice(Property|Error)")
         .allowlist_function("rtcSetDevice(Error|MemoryMonitor)Function")
         .allowlist_function("rtcSet(NewGeometryBuffer|Geometry(Mask|InstancedScene|TimeStepCount|Transform))")
-        .allowlist_function("rtc(CommitGeometry|CommitScene|AttachGeometryByID|SetSceneFlags|SetSceneBuildQuality)")
+        .allowlist_function(
+            "rtc(Commit(Geometry|Scene)|AttachGeometryByID|DetachGeometry|SetScene(Flags|BuildQuality))",
+        )
         .allowlist_function("rtc(Intersect|Occluded)(1|4|8|16)|rtcIntersectNM|rtcOccluded1M")
         .allowlist_type("RTC(Ray|Hit|RayHit)(4|8|16)?|RTCBounds|RTCFilterFunctionNArguments")
         .allowlist_type("RTC(IntersectContext|IntersectArguments|OccludedArguments|FeatureFlags|RayQueryFlags)")

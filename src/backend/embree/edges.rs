@@ -45,6 +45,6 @@ fn again(world: &World, block: &mut RayHitBlock, mask: u16, (index, ends): (usiz
     }
     packet::closest1(world, block, mask, query);
     for lane in lanes_of(mask) {
-        world.name_instance(&mut block.hit.inst[lane]);
+        world.name_hit(block, lane);
     }
 }

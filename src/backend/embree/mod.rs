@@ -23,7 +23,7 @@ use self::device::Device;
 use self::scene::World;
 use super::batch::{Batch, LANES, RayBlock, RayHitBlock};
 use super::past::Past;
-use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
+use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, Kept, QueryMode};
 use crate::Result;
 use crate::scene::geometry::Geometry;
 
@@ -36,6 +36,17 @@ pub struct Embree {
     /// Whether the scenes ask the filters of queries.
     passes: bool,
     info: BackendInfo,
+    device: Opened,
+}
+
+/// What a device and its scenes were made with.
+#[derive(PartialEq)]
+struct Opened {
+    isa: Option<String>,
+    threads: usize,
+    narrow: bool,
+    robust: bool,
+    passes: bool,
 }
 
 /// Triangles up to which a hierarchy of four children a node is faster than one of eight: there is little to skip in a
@@ -50,12 +61,23 @@ impl Embree {
     /// [`Error::Backend`](crate::Error::Backend) when the instruction set is not there, memory runs out, or the
     /// geometry holds an index or transform that cannot be traced.
     pub fn build(geometry: &Geometry, options: &BackendOptions) -> Result<Self> {
-        let device = Arc::new(Device::open(
-            options.isa.as_deref(),
-            options.build_threads,
-            geometry.triangles.len() <= NARROW_TRIANGLES,
-        )?);
-        let world = World::build(&device, geometry, abi::scene_flags(options.robust, options.passes))?;
+        Embree::build_after(geometry, options, None)
+    }
+
+    /// [`build`](Self::build), taking over from that of another frame what is the same: it has the bits of one that is
+    /// built alone.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_after(geometry: &Geometry, options: &BackendOptions, kept: Option<Self>) -> Result<Self> {
+        let BackendOptions { isa, build_threads: threads, robust, passes, .. } = options.clone();
+        let opened = Opened { isa, threads, narrow: geometry.triangles.len() <= NARROW_TRIANGLES, robust, passes };
+        let kept = kept.filter(|kept| kept.device == opened).map(|kept| kept.world);
+        let device = match &kept {
+            Some(world) => world.device().clone(),
+            None => Arc::new(Device::open(opened.isa.as_deref(), threads, opened.narrow)?),
+        };
+        let world = World::build(&device, geometry, abi::scene_flags(robust, passes), kept)?;
         let info = BackendInfo {
             kind: BackendKind::Embree,
             version: device.version(),
@@ -63,11 +85,11 @@ impl Embree {
             rays_incoherent: effective(options.incoherent),
             rays_coherent: effective(options.coherent),
             rays_shadow: effective(options.shadow),
-            bvh_bytes: world.bvh_bytes,
+            bvh_bytes: world.bvh_bytes(),
             triangles: world.triangles,
         };
-        let BackendOptions { incoherent, coherent, shadow, passes, .. } = *options;
-        Ok(Embree { world, incoherent, coherent, shadow, passes, info })
+        let BackendOptions { incoherent, coherent, shadow, .. } = *options;
+        Ok(Embree { world, incoherent, coherent, shadow, passes, info, device: opened })
     }
 }
 
@@ -82,7 +104,7 @@ fn closest(world: &World, batch: Batch<RayHitBlock>, mut trace: impl FnMut(&mut 
     batch.for_each(|block, valid| {
         World::settle(&mut block.ray);
         trace(block, valid);
-        world.name_instances(block);
+        world.name_hits(block);
     })
 }
 
@@ -98,6 +120,10 @@ fn any(batch: Batch<RayBlock>, mut trace: impl FnMut(&mut RayBlock, u16)) -> u64
 impl Backend for Embree {
     fn info(&self) -> &BackendInfo {
         &self.info
+    }
+
+    fn keep(self: Box<Self>) -> Kept {
+        Kept::Embree(self)
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, hint: Coherence) -> u64 {

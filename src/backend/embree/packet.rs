@@ -139,7 +139,7 @@ pub(super) fn closest_past(world: &World, batch: Batch<RayHitBlock>, past: PastL
             closest_lane(world, block, lane, &mut query);
             grazing::mend_one(world, block, lane, end, &mut query);
         }
-        world.name_instances(block);
+        world.name_hits(block);
         first += LANES;
     })
 }

@@ -31,7 +31,7 @@ pub(super) fn closest(world: &World, mut batch: Batch<RayHitBlock>, query: &mut 
     }
     closest_run(world, &mut batch.blocks[run..], query);
     for block in &mut *batch.blocks {
-        world.name_instances(block);
+        world.name_hits(block);
     }
     batch.invalid()
 }

@@ -388,9 +388,33 @@ fn dropping_gives_all_memory_back() {
     let device = Arc::new(Device::open(None, 0, false).expect("a device"));
     let shrunk = placement(1, Affine3A::from_scale(Vec3::splat(0.5)));
     let geometry = Geometry { meshes: vec![quad(-10.0), sphere(20)], instances: vec![shrunk; 3], ..Default::default() };
-    let world = World::build(&device, &geometry, super::abi::scene_flags(true, false)).expect("the geometry is sound");
+    let flags = super::abi::scene_flags(true, false);
+    let build =
+        |geometry: &Geometry, kept| World::build(&device, geometry, flags, kept).expect("the geometry is sound");
+    let world = build(&geometry, None);
     assert!(device.bytes() > 0);
     drop(world);
+    assert_eq!(device.bytes(), 0);
+
+    // And what the world of the next frame takes over: the top scene, as long as what stands still is the same.
+    let frame = |x: f32, still: f32| {
+        let mut mesh = sphere(20);
+        let first = mesh.vertices.len() as u32;
+        mesh.vertices.extend(quad(still).vertices.iter().chain(&quad(0.0).vertices).map(|&p| p + x * Vec3::X));
+        mesh.vertices[first as usize..][..5].iter_mut().for_each(|p| *p -= x * Vec3::X);
+        let triangles = mesh.indices.len() as u32;
+        mesh.indices.extend([[first, first + 1, first + 2], [first + 5, first + 6, first + 7]]);
+        let frames = crate::scene::geometry::Frames::apart(triangles + 1..triangles + 2);
+        Geometry { meshes: vec![mesh, sphere(20)], instances: vec![shrunk; 2], frames, ..Default::default() }
+    };
+    let first = build(&frame(0.0, 1.0), None);
+    let (top, bytes) = (first.raw(), device.bytes());
+    let second = build(&frame(0.5, 1.0), Some(first));
+    assert_eq!((second.raw(), second.triangles), (top, 2 * sphere(20).indices.len() as u64 + 2));
+    assert!(device.bytes() < bytes + bytes / 4, "{bytes}, then {}", device.bytes());
+    let third = build(&frame(0.5, 1.1), Some(second));
+    assert!(third.bvh_bytes() > 0);
+    drop(third);
     assert_eq!(device.bytes(), 0);
     assert_eq!(Arc::strong_count(&device), 1);
 }

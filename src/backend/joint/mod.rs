@@ -24,7 +24,7 @@ use super::flat::{self, Faces, Meets};
 use super::obvhs::Obvhs;
 use super::past::{Past, Without};
 use super::triangle::RayByRay;
-use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence};
+use super::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, Kept};
 use crate::Result;
 use crate::math::simd::{detect, dispatch};
 use crate::scene::geometry::{Geometry, TriangleMesh};
@@ -116,13 +116,21 @@ impl Joint {
     /// # Errors
     /// Those of [`Obvhs::build`].
     pub fn build(geometry: &Geometry, limits: &Limits, options: &BackendOptions) -> Result<Self> {
+        Joint::build_after(geometry, limits, options, Kept::Nothing)
+    }
+
+    /// [`build`](Self::build), taking over what [`Obvhs::build_after`] can.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_after(geometry: &Geometry, limits: &Limits, options: &BackendOptions, kept: Kept) -> Result<Self> {
         let kind = BackendKind::FlatObvhs;
         let Some(parts) = Parts::of(geometry, limits) else {
             let none = TriangleMesh::default();
-            let rest = Obvhs::build(geometry, geometry.meshes.first().unwrap_or(&none), options)?;
+            let rest = Obvhs::build_after(geometry, geometry.meshes.first().unwrap_or(&none), options, kept)?;
             return Ok(Joint { info: BackendInfo { kind, ..rest.info().clone() }, front: None, rest });
         };
-        let rest = Obvhs::build(geometry, &parts.rest(&geometry.meshes[0]), options)?;
+        let rest = Obvhs::build_after(geometry, &parts.rest(&geometry.meshes[0]), options, kept)?;
         let faces = Faces::new(&parts.faces);
         let volumes = volumes(geometry, &parts, limits);
         let rest_info = rest.info().clone();
@@ -161,6 +169,10 @@ impl Joint {
 impl Backend for Joint {
     fn info(&self) -> &BackendInfo {
         &self.info
+    }
+
+    fn keep(self: Box<Self>) -> Kept {
+        Kept::Obvhs(Box::new(self.rest))
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {

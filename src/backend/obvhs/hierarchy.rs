@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::collapse;
 use super::leaf::Block;
-use super::mesh::MeshTree;
+use super::mesh::{self, MeshTree};
 use super::node::Node;
 use super::reference::Reference;
 use crate::backend::bounds::{self, Bounds};
@@ -35,18 +35,49 @@ pub(super) struct Hierarchy {
     pub moving: Moving,
     /// Triangles that are kept.
     pub triangles: u64,
+    /// What each hierarchy was built over, where other frames may have the same; else empty.
+    sources: Vec<Source>,
+}
+
+/// A mesh, by its digest, and where its hierarchy lies.
+#[derive(Debug)]
+struct Source {
+    digest: u64,
+    /// As handed to [`MeshTree::build`].
+    diagonal: f64,
+    copies: bool,
+    /// Of nodes, blocks, and blocks of changing meshes: the first, and how many.
+    place: [(usize, usize); 3],
+    root: Reference,
+    bounds: Bounds,
+    triangles: u64,
 }
 
 impl Hierarchy {
     /// Builds one hierarchy per mesh, on the threads of the current pool, and one over the instances. `world` replaces
-    /// the geometry's world mesh. `copies` says whether exact copies of triangles are kept.
-    pub fn build(geometry: &Geometry, world: &TriangleMesh, copies: bool) -> Self {
+    /// the geometry's world mesh. `copies` says whether exact copies of triangles are kept. Hierarchies of meshes that
+    /// `kept`, of another frame, has as well are taken from there.
+    ///
+    /// What of the world other frames have elsewhere has a hierarchy of its own, and a node joins the two: the stack
+    /// has room for that. Hits do not depend on how hierarchies are made.
+    pub fn build(geometry: &Geometry, world: &TriangleMesh, copies: bool, kept: Option<Hierarchy>) -> Self {
         let scene = Bounds { lo: geometry.bounds.0, hi: geometry.bounds.1 };
+        let parts = geometry.parts(world);
+        // Rounded up where frames differ: what moves may change it a little.
+        let extent = scene.diagonal();
+        let extent = if geometry.frames.differ() && extent > 0.0 { extent.log2().ceil().exp2() } else { extent };
         // Only the world mesh lies in the scene's space; the others know no extent but their own.
-        let diagonal = |mesh: usize| if mesh == 0 { scene.diagonal() } else { 0.0 };
-        let meshes: Vec<MeshTree> = (geometry.meshes.par_iter().enumerate())
-            .map(|(i, mesh)| MeshTree::build(if i == 0 { world } else { mesh }, diagonal(i), copies))
+        let diagonal = |mesh: usize| if mesh == 0 { extent } else { 0.0 };
+        let still = parts.as_ref().map_or(world, |[still, _]| still);
+        let mut meshes: Vec<MeshTree> = (geometry.meshes.par_iter().enumerate())
+            .map(|(i, mesh)| {
+                let (mesh, diagonal) = (if i == 0 { still } else { mesh }, diagonal(i));
+                let same = kept.as_ref().and_then(|kept| kept.taken(i, mesh, diagonal, copies));
+                same.unwrap_or_else(|| MeshTree::build(mesh, diagonal, copies))
+            })
             .collect();
+        let moved = parts.as_ref().map(|[_, moved]| MeshTree::build(moved, extent, copies));
+        drop(kept);
         let bounds: Vec<Bounds> = meshes.iter().map(|mesh| mesh.bounds).collect();
         let (nodes, top) = over_instances(geometry, &bounds, bounds::reach_of(scene));
 
@@ -60,16 +91,61 @@ impl Hierarchy {
             roots: Vec::with_capacity(meshes.len()),
             instances: geometry.instances.clone(),
             moving: geometry.moving.clone(),
-            triangles: meshes.iter().map(|mesh| mesh.triangles).sum(),
+            triangles: meshes.iter().chain(&moved).map(|mesh| mesh.triangles).sum(),
+            sources: Vec::new(),
         };
-        for mesh in meshes {
-            let root = all.append(mesh.nodes, mesh.blocks, mesh.root);
-            all.changing.extend(mesh.changing);
+        for (i, tree) in meshes.drain(..).enumerate() {
+            let first = [all.nodes.len(), all.blocks.len(), all.changing.len()];
+            let count = [tree.nodes.len(), tree.blocks.len(), tree.changing.len()];
+            let root = all.append(tree.nodes, tree.blocks, tree.root);
+            all.changing.extend(tree.changing);
             all.roots.push(root);
+            if geometry.frames.differ() {
+                let mesh = if i == 0 { still } else { &geometry.meshes[i] };
+                all.sources.push(Source {
+                    digest: mesh.digest(),
+                    diagonal: diagonal(i),
+                    copies,
+                    place: std::array::from_fn(|kind| (first[kind], count[kind])),
+                    root,
+                    bounds: tree.bounds,
+                    triangles: tree.triangles,
+                });
+            }
+        }
+        if let (Some(moved), Some(&still)) = (moved, bounds.first())
+            && !moved.bounds.is_empty()
+        {
+            let (root, around) = (all.append(moved.nodes, moved.blocks, moved.root), moved.bounds);
+            let both =
+                [(still, all.roots[0]), (around, root)].map(|(bounds, root)| (mesh::grown(bounds, extent), root));
+            all.nodes.push(Node::new(&both));
+            all.roots[0] = Reference::node(all.nodes.len() - 1);
         }
         all.top = all.append(nodes, Vec::new(), top);
         all.world = all.roots.first().copied().unwrap_or(Reference::NOTHING);
         all
+    }
+
+    /// The hierarchy of mesh `index`, if it was built over this one.
+    fn taken(&self, index: usize, mesh: &TriangleMesh, diagonal: f64, copies: bool) -> Option<MeshTree> {
+        let source = self.sources.get(index)?;
+        let is_same = (source.diagonal, source.copies) == (diagonal, copies) && source.digest == mesh.digest();
+        let [nodes, blocks, changing] = source.place;
+        let back = |what: Reference| what.shifted_back(nodes.0, blocks.0, changing.0);
+        let of_its_own = |mut node: Node| {
+            node.children = node.children.map(back);
+            node
+        };
+        is_same.then(|| MeshTree {
+            nodes: self.nodes[nodes.0..][..nodes.1].iter().copied().map(of_its_own).collect(),
+            blocks: self.blocks[blocks.0..][..blocks.1].to_vec(),
+            changing: self.changing[changing.0..][..changing.1].to_vec(),
+            parts: self.parts[index],
+            root: back(source.root),
+            bounds: source.bounds,
+            triangles: source.triangles,
+        })
     }
 
     /// Adds nodes and blocks that refer to one another, before the blocks of those that change their shape; the root as

@@ -85,7 +85,7 @@ impl MeshTree {
 
 /// Grows the box of a triangle: by 4·10⁻⁷ of the diagonal of everything (HARDCASES §5.3, measured: less leaves
 /// misses at vertices), then by one ulp.
-fn grown(bounds: Bounds, diagonal: f64) -> Bounds {
+pub(super) fn grown(bounds: Bounds, diagonal: f64) -> Bounds {
     bounds.grown(Vec3::splat((4e-7 * diagonal) as f32))
 }
 

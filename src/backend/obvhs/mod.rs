@@ -32,7 +32,7 @@ pub(in crate::backend) mod tree;
 use crate::backend::batch::{Batch, RayBlock, RayHitBlock};
 use crate::backend::past::{Past, Without};
 use crate::backend::triangle::RayByRay;
-use crate::backend::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, QueryMode};
+use crate::backend::{Backend, BackendInfo, BackendKind, BackendOptions, Coherence, Kept, QueryMode};
 use crate::error::{Error, Result};
 use crate::machine;
 use crate::math::simd::{detect, dispatch};
@@ -58,13 +58,27 @@ impl Obvhs {
     /// [`Error::Backend`] if the build threads cannot be started, or the processor has not the instruction set that is
     /// asked for.
     pub fn build(geometry: &Geometry, world: &TriangleMesh, options: &BackendOptions) -> Result<Self> {
+        Obvhs::build_after(geometry, world, options, Kept::Nothing)
+    }
+
+    /// [`build`](Self::build), taking over the hierarchies of meshes that are the same in another frame.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn build_after(
+        geometry: &Geometry,
+        world: &TriangleMesh,
+        options: &BackendOptions,
+        kept: Kept,
+    ) -> Result<Self> {
         let wide = detect::is_wide(options.isa.as_deref());
         if options.isa.as_deref() == Some("avx512") && !wide {
             return refuse("this processor has no AVX-512".into());
         }
         let pool = machine::pool(machine::threads(options.build_threads), "build")
             .or_else(|e| refuse(format!("cannot start build threads: {e}")))?;
-        let hierarchy = pool.install(|| Hierarchy::build(geometry, world, options.passes));
+        let kept = if let Kept::Obvhs(kept) = kept { Some(kept.hierarchy) } else { None };
+        let hierarchy = pool.install(|| Hierarchy::build(geometry, world, options.passes, kept));
         let single = QueryMode::Single.name();
         let info = BackendInfo {
             kind: BackendKind::Obvhs,
@@ -92,6 +106,10 @@ fn refuse<T>(problem: String) -> Result<T> {
 impl Backend for Obvhs {
     fn info(&self) -> &BackendInfo {
         &self.info
+    }
+
+    fn keep(self: Box<Self>) -> Kept {
+        Kept::Obvhs(self)
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {

@@ -94,6 +94,18 @@ impl Reference {
         }
     }
 
+    /// What [`shifted`](Self::shifted) by as much makes this of.
+    pub fn shifted_back(self, nodes: usize, leaves: usize, changing: usize) -> Self {
+        match self.stage() {
+            Stage::Boxes => Self::node(self.index() - nodes),
+            Stage::Triangles => Self::triangles(self.index() - leaves),
+            Stage::Rare => match self.rare() {
+                Rare::Changing(index) => Self::changing(index - changing),
+                _ => self,
+            },
+        }
+    }
+
     /// Index of a node, a block of triangles or an instance.
     #[inline(always)]
     pub fn index(self) -> usize {

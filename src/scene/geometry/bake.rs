@@ -5,6 +5,7 @@ use glam::{Affine3A, DAffine3, DMat3, Vec3};
 use super::attributes::{Attributes, has_extras};
 use super::bodies;
 use super::contacts::{self, Bounds};
+use super::frames::Frames;
 use super::lamps::drop_copied_lamps;
 use super::overlaps;
 use super::owners::Part;
@@ -78,6 +79,7 @@ impl Geometry {
 
         geometry.dropped_lamps = drop_copied_lamps(&mut world, &scene.materials);
         geometry.owners.baked = std::mem::take(&mut world.parts);
+        geometry.frames = Frames::of(scene, &geometry.owners.baked, world.records.len());
         geometry.append(world);
         let mut mesh_of = vec![0u32; scene.meshes.len()];
         for (id, records) in instanced {

@@ -5,10 +5,12 @@ use glam::{Affine3A, Vec2, Vec3, Vec4};
 
 use super::coincident::Coincident;
 use super::deforming::Deforming;
+use super::frames::Frames;
 use super::owners::{Owners, Part};
 use super::placement::{Moving, NO_MATERIAL, Placement};
 use super::solids::Solids;
 use crate::math::float;
+use crate::math::hash::{digest_of, mix};
 
 /// A ray thinner than an f32 direction can express cannot tell a triangle from a line once its height is below
 /// 2⁻⁴⁰ of its longest edge: sheared coordinates carry 24 bits, so it would have to start within 2⁻¹⁶ of the
@@ -96,6 +98,12 @@ impl TriangleMesh {
         all.filter(|(_, corners)| !is_degenerate(corners))
     }
 
+    /// Digest of what a hierarchy over it follows from.
+    pub(crate) fn digest(&self) -> u64 {
+        let shapes = std::iter::once(&self.vertices).chain(&self.later).map(|shape| digest_of(shape));
+        shapes.fold(digest_of(&self.indices), mix)
+    }
+
     /// The triangles of a mesh that changes its shape, with their corners in each. One without area as the shutter
     /// opens may have one later.
     pub(crate) fn traced_moving(&self) -> impl Iterator<Item = (u32, Vec<[Vec3; 3]>)> {
@@ -149,6 +157,8 @@ pub struct Geometry {
     pub solids: Solids,
     /// Which placements the triangles belong to.
     pub owners: Owners,
+    /// Which of the world mesh other frames have elsewhere.
+    pub frames: Frames,
     /// Triangles that lie on one another.
     pub coincident: Coincident,
     /// Emissive triangles that were left out because another one has the same corners and faces the same way.

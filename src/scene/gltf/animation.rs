@@ -123,6 +123,11 @@ impl<'d> Animations<'d> {
         Ok(())
     }
 
+    /// Whether nothing is driven.
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty() && self.weights.is_empty()
+    }
+
     /// The pointer of a channel that drives `node`, if one does.
     pub(super) fn driver(&self, node: usize) -> Option<&str> {
         self.nodes.get(&node).map(|channels| channels[0].pointer.as_str())

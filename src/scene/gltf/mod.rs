@@ -125,6 +125,7 @@ impl Scene {
         }
         let placement = placement::place(&document, nodes, &ways, &meshes)?;
         motion.instances = placement.tracks;
+        motion.animated = placement.animated;
         let origin = placement.origin;
 
         let mut scene = Scene {

@@ -46,6 +46,8 @@ pub(super) struct Placed {
     pub(super) weights: Option<Rc<[f64]>>,
     /// Those at each time of the timeline, if they change while it is open.
     pub(super) morphs: Option<Morphs>,
+    /// Whether an animation moves or bends its mesh, at these times or others.
+    pub(super) animated: bool,
 }
 
 /// Morph weights of a node.
@@ -67,6 +69,7 @@ pub(super) struct Timeline<'a> {
 struct Parent {
     world_from_node: DAffine3,
     poses: Option<Rc<[DAffine3]>>,
+    driven: bool,
     is_visible: bool,
     /// Name of the root node; `None` above it.
     asset: Option<Rc<str>>,
@@ -90,7 +93,9 @@ pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes>
     let skinned = !document.table("skins")?.is_empty();
     // Pending nodes with their parent and the pointer that refers to them; the last is visited next.
     let mut pending: Vec<(usize, Rc<Parent>, String)> = Vec::new();
-    let world = Rc::new(Parent { world_from_node: DAffine3::IDENTITY, poses: None, is_visible: true, asset: None });
+    let world =
+        Parent { world_from_node: DAffine3::IDENTITY, poses: None, driven: false, is_visible: true, asset: None };
+    let world = Rc::new(world);
     for (root, from) in roots(document)?.into_iter().rev() {
         pending.push((root, world.clone(), from));
     }
@@ -105,7 +110,7 @@ pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes>
         let reader = Reader { document, node, pointer: &pointer };
         let local = reader.local()?;
         let world_from_node = parent.world_from_node * timeline.at(document, index, &local, timeline.times_s[0])?;
-        let driven = parent.poses.is_some() || timeline.animations.driver(index).is_some();
+        let driven = parent.driven || timeline.animations.driver(index).is_some();
         let poses = (driven && timeline.times_s.len() > 1).then(|| {
             document.charge(timeline.times_s.len(), &pointer)?;
             let at = |(i, &time_s): (usize, &f64)| {
@@ -123,7 +128,7 @@ pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes>
         let called = name.clone().filter(|name| !name.is_empty()).unwrap_or_else(|| format!("node {index}"));
         let asset = parent.asset.clone().unwrap_or_else(|| called.as_str().into());
         let node_itself =
-            Rc::new(Parent { world_from_node, poses: poses.clone(), is_visible, asset: Some(asset.clone()) });
+            Rc::new(Parent { world_from_node, poses: poses.clone(), driven, is_visible, asset: Some(asset.clone()) });
         for (place, child) in reader.array("children")?.iter().enumerate().rev() {
             let from = format!("{pointer}/children/{place}");
             pending.push((document.index(child, &from)?, node_itself.clone(), from));
@@ -155,6 +160,8 @@ pub(super) fn flatten(document: &Document, timeline: &Timeline) -> Result<Nodes>
                 lamp,
                 weights,
                 morphs,
+                // (Joints are somewhere else in the tree.)
+                animated: driven || timeline.animations.drives_weights(index) || (skin.is_some() && timeline.drives()),
             };
             // A skinned mesh stands where its joints are, however often it is placed.
             let instances = if mesh.is_some() && skin.is_none() {
@@ -197,6 +204,7 @@ impl Placed {
             lamp: None,
             weights: self.weights.clone(),
             morphs: self.morphs.clone(),
+            animated: self.animated,
         }
     }
 
@@ -207,6 +215,11 @@ impl Placed {
 }
 
 impl Timeline<'_> {
+    /// Whether there is an animation.
+    fn drives(&self) -> bool {
+        !self.animations.is_empty()
+    }
+
     /// Node to parent at a time.
     fn at(&self, document: &Document, node: usize, local: &Local, time_s: f64) -> Result<DAffine3> {
         let parts = match (local, self.animations.driver(node)) {

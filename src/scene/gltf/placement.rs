@@ -31,6 +31,8 @@ pub(super) struct Placement {
     pub(super) nodes: Vec<Node>,
     /// Of the instances that move.
     pub(super) tracks: Vec<Track>,
+    /// Instances that an animation drives.
+    pub(super) animated: Vec<usize>,
     pub(super) origin: DVec3,
 }
 
@@ -40,7 +42,7 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
     let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut placed: Vec<(Shown, DAffine3, NodeId)> = Vec::new();
     let mut called: Vec<&Rc<Node>> = Vec::new();
-    let mut moving: Vec<(usize, Way, bool)> = Vec::new();
+    let (mut moving, mut animated): (Vec<(usize, Way, bool)>, _) = (Vec::new(), Vec::new());
     let mut collapsed = 0;
     for (place, node) in nodes.iter().enumerate() {
         let way = ways.get(place).filter(|way| !way.is_empty() && node.skin.is_none());
@@ -82,6 +84,7 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
                     most = most.max(point);
                 }
             }
+            animated.extend(node.animated.then_some(placed.len()));
             let changes = !meshes.list[part.mesh.index()].later.is_empty();
             match way {
                 Some(way) => moving.push((placed.len(), way.clone(), changes)),
@@ -114,6 +117,7 @@ pub(super) fn place(document: &Document, nodes: &[Placed], ways: &[Way], meshes:
     };
     Ok(Placement {
         tracks: moving.into_iter().filter_map(track).collect(),
+        animated,
         instances: (placed.iter())
             .map(|&(part, ref world, node)| {
                 let placed = Instance::new(part.mesh, relative(world));
