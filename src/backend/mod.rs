@@ -21,6 +21,7 @@ pub mod size;
 pub mod triangle;
 pub mod weights;
 
+use std::any::Any;
 use std::fmt;
 use std::str::FromStr;
 
@@ -203,17 +204,23 @@ pub struct BackendInfo {
 }
 
 /// What is left of the backend of one frame of an animation for that of the next ([`select::build_after`]).
+/// The backend itself, whose type its own kind knows.
 #[derive(Default)]
-#[non_exhaustive]
-pub enum Kept {
+pub struct Kept(Option<Box<dyn Any + Send + Sync>>);
+
+impl Kept {
     /// Everything is built anew.
-    #[default]
-    Nothing,
-    /// Embree's scenes.
-    #[cfg(feature = "embree")]
-    Embree(Box<embree::Embree>),
-    /// The hierarchies of `obvhs`, also of `flat+obvhs`.
-    Obvhs(Box<obvhs::Obvhs>),
+    pub const NOTHING: Kept = Kept(None);
+
+    /// Of a backend.
+    pub fn of<T: Any + Send + Sync>(backend: Box<T>) -> Self {
+        Kept(Some(backend))
+    }
+
+    /// The backend, if it is of this kind.
+    pub fn take<T: Any>(self) -> Option<Box<T>> {
+        self.0?.downcast().ok()
+    }
 }
 
 /// Closest-hit and any-hit queries over batches of 16-lane blocks.
@@ -226,7 +233,7 @@ pub trait Backend: Send + Sync {
 
     /// What the backend of another frame may take over.
     fn keep(self: Box<Self>) -> Kept {
-        Kept::Nothing
+        Kept::NOTHING
     }
 
     /// Finds the closest hit of the first `len` rays of `blocks` (lane-major, `len ≤ 16·blocks.len()`): writes the

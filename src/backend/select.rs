@@ -250,7 +250,7 @@ impl BackendKind {
 /// # Errors
 /// [`Error::Backend`] when the library is not in this build or refuses.
 pub fn build(kind: BackendKind, geometry: &Geometry, options: &BackendOptions) -> Result<Box<dyn Backend>> {
-    build_after(kind, geometry, options, Kept::Nothing)
+    build_after(kind, geometry, options, Kept::NOTHING)
 }
 
 /// [`build`], taking over from that of another frame what is the same there ([`Frames`]). Hits are those of a backend
@@ -271,7 +271,7 @@ pub fn build_after(
     match kind {
         #[cfg(feature = "embree")]
         BackendKind::Embree => {
-            let kept = if let Kept::Embree(kept) = kept { Some(*kept) } else { None };
+            let kept = kept.take::<Embree>().map(|kept| *kept);
             Ok(Box::new(Embree::build_after(geometry, options, kept)?))
         }
         #[cfg(not(feature = "embree"))]
@@ -352,7 +352,7 @@ mod tests {
         for &kind in BackendKind::available().iter().filter(|kind| **kind != BackendKind::Brute) {
             for mode in [QueryMode::Packet16, QueryMode::Single, QueryMode::Stream] {
                 let options = BackendOptions::with_mode(mode);
-                let mut kept = Kept::Nothing;
+                let mut kept = Kept::NOTHING;
                 for x in [-0.5f32, 0.25, 0.25, 0.5] {
                     let geometry = frame(x);
                     let after = build_after(kind, &geometry, &options, std::mem::take(&mut kept)).expect("it builds");

@@ -151,7 +151,7 @@ impl<'s> Sequence<'s> {
                         renderer.retarget(&options)?;
                         renderer
                     }
-                    none => none.insert(self.build(scene, &options, Kept::Nothing)?),
+                    none => none.insert(self.build(scene, &options, Kept::NOTHING)?),
                 };
                 self.render(renderer, (frame, &outputs, key, options), (earlier, resume), start, progress)?;
             }
@@ -169,7 +169,7 @@ impl<'s> Sequence<'s> {
         start: Instant,
         progress: &mut Progress,
     ) -> Result<()> {
-        let (mut start, mut kept) = (start, Kept::Nothing);
+        let (mut start, mut kept) = (start, Kept::NOTHING);
         let mut at = self.args.sequence.frame_start;
         let placed = self.placed(&scene);
         for &frame in &self.frames {

@@ -82,7 +82,7 @@ impl<'a> Renderer<'a> {
     /// [`Error::Option`] for options out of range, [`Error::Backend`] when the backend cannot be built,
     /// [`Error::InvalidScene`] for lights that are not finite.
     pub fn new(scene: &'a Scene, options: RenderOptions) -> Result<Self> {
-        Renderer::new_after(scene, options, Kept::Nothing)
+        Renderer::new_after(scene, options, Kept::NOTHING)
     }
 
     /// [`new`](Self::new) for another frame of an animation: what is the same as in the one that `kept` is of, as far as

@@ -123,7 +123,7 @@ impl Backend for Embree {
     }
 
     fn keep(self: Box<Self>) -> Kept {
-        Kept::Embree(self)
+        Kept::of(self)
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, hint: Coherence) -> u64 {

@@ -116,7 +116,7 @@ impl Joint {
     /// # Errors
     /// Those of [`Obvhs::build`].
     pub fn build(geometry: &Geometry, limits: &Limits, options: &BackendOptions) -> Result<Self> {
-        Joint::build_after(geometry, limits, options, Kept::Nothing)
+        Joint::build_after(geometry, limits, options, Kept::NOTHING)
     }
 
     /// [`build`](Self::build), taking over what [`Obvhs::build_after`] can.
@@ -172,7 +172,7 @@ impl Backend for Joint {
     }
 
     fn keep(self: Box<Self>) -> Kept {
-        Kept::Obvhs(Box::new(self.rest))
+        Kept::of(Box::new(self.rest))
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {

@@ -58,7 +58,7 @@ impl Obvhs {
     /// [`Error::Backend`] if the build threads cannot be started, or the processor has not the instruction set that is
     /// asked for.
     pub fn build(geometry: &Geometry, world: &TriangleMesh, options: &BackendOptions) -> Result<Self> {
-        Obvhs::build_after(geometry, world, options, Kept::Nothing)
+        Obvhs::build_after(geometry, world, options, Kept::NOTHING)
     }
 
     /// [`build`](Self::build), taking over the hierarchies of meshes that are the same in another frame.
@@ -77,7 +77,7 @@ impl Obvhs {
         }
         let pool = machine::pool(machine::threads(options.build_threads), "build")
             .or_else(|e| refuse(format!("cannot start build threads: {e}")))?;
-        let kept = if let Kept::Obvhs(kept) = kept { Some(kept.hierarchy) } else { None };
+        let kept = kept.take::<Obvhs>().map(|kept| kept.hierarchy);
         let hierarchy = pool.install(|| Hierarchy::build(geometry, world, options.passes, kept));
         let single = QueryMode::Single.name();
         let info = BackendInfo {
@@ -109,7 +109,7 @@ impl Backend for Obvhs {
     }
 
     fn keep(self: Box<Self>) -> Kept {
-        Kept::Obvhs(self)
+        Kept::of(self)
     }
 
     fn closest_hit(&self, blocks: &mut [RayHitBlock], len: usize, _hint: Coherence) -> u64 {
