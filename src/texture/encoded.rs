@@ -285,7 +285,8 @@ mod tests {
         assert!(refusal(seed).contains("2566914048 bytes of user data"), "{}", refusal(seed));
         for (magic, bytes) in [(b"SDPX", [0x7f, 0, 0, 0]), (b"XPDS", [0, 0, 0, 0x7f])] {
             let mut file = seed.to_vec();
-            (file[..4].copy_from_slice(magic), file[DPX_USER_LENGTH].copy_from_slice(&bytes));
+            file[..4].copy_from_slice(magic);
+            file[DPX_USER_LENGTH].copy_from_slice(&bytes);
             assert!(refusal(&file).contains("2130706432 bytes of user data"), "{}", refusal(&file));
             for none in [[0; 4], [0xff; 4]] {
                 file[DPX_USER_LENGTH].copy_from_slice(&none);
