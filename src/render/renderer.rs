@@ -85,8 +85,8 @@ impl<'a> Renderer<'a> {
         Renderer::new_after(scene, options, Kept::NOTHING)
     }
 
-    /// [`new`](Self::new) for another frame of an animation: what is the same as in the one that `kept` is of, as far as
-    /// the backend can tell, is not built again. Its renders have the bits of those of a renderer that is made alone.
+    /// [`new`](Self::new) for another frame of an animation: what is the same as in the one that `kept` is of, as far
+    /// as the backend can tell, is not built again. Its renders have the bits of those of a renderer that is made alone.
     ///
     /// # Errors
     /// As [`new`](Self::new).

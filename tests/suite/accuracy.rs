@@ -92,8 +92,8 @@ fn furnace() -> Scene {
     b.build()
 }
 
-/// Budgets of a study whose findings do not depend on how long it takes, in seconds: a study takes all that it is given,
-/// so each is twice the last, and a machine that is busy with other tests pays at most twice what it needs.
+/// Budgets of a study whose findings do not depend on how long it takes, in seconds: a study takes all that it is
+/// given, so each is twice the last, and a machine that is busy with other tests pays at most twice what it needs.
 const BUDGETS: [f64; 6] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
 
 fn study_of(scene: &Scene, base: RenderOptions, budget: f64) -> (Study, Report) {

@@ -326,8 +326,8 @@ fn absurd_numbers_are_answered_at_once() {
     assert!(begin.elapsed() < Duration::from_secs(40), "{:?}", begin.elapsed());
 }
 
-/// `--time` bounds checks, replays and benchmarks, whatever else is asked for; what they did then is in their records. Whether
-/// the check agrees is not judged here: its samples depend on the clock.
+/// `--time` bounds checks, replays and benchmarks, whatever else is asked for; what they did then is in their records.
+/// Whether the check agrees is not judged here: its samples depend on the clock.
 #[test]
 fn time_bounds_checks_and_benchmarks() {
     let (scene, begin) = (cornell_box(), Instant::now());

@@ -84,11 +84,11 @@ impl Tree {
         aabbs: &[Aabb],
         leaf_size: usize,
     ) -> Option<Self> {
-        // Single boxes in its leaves: who collapses the tree makes larger ones of the least cost. So there is nothing to
-        // reinsert after the crate's own collapsing, and more before.
+        // Single boxes in its leaves: who collapses the tree makes larger ones of the least cost. So nothing is to be
+        // reinserted after the crate's own collapsing, and more before.
         let params = BvhBuildParams {
             max_prims_per_leaf: 1,
-            reinsertion_batch_ratio: 0.4,
+            reinsertion_batch_ratio: 0.25,
             post_collapse_reinsertion_batch_ratio_multiplier: 0.0,
             ..BvhBuildParams::medium_build()
         };

@@ -17,7 +17,7 @@ pub struct ErrorEstimate {
     pub relmse_stderr: f64,
     /// Standard error of ln `relmse` for the choice of the denominators.
     pub denominator_error: f64,
-    /// Interval that covers the expectation of `relmse` with 95 %: not symmetric, and wide where single events carry it.
+    /// Interval that covers the expectation of `relmse` with 95 %: not symmetric, wide where single events carry it.
     pub interval: [f64; 2],
     /// ε = 0.01·mean(I)², the mean over pixels and channels.
     pub epsilon: f64,
