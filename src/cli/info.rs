@@ -191,6 +191,9 @@ fn text(record: &InfoRecord, backend: &BackendInfo, time: &str, verbose: bool) -
         let effects = &record.plan.effects;
         lines.push(format!("simulated   {}", effects.simulated.join(", ")));
         lines.extend(effects.ignored.iter().map(|ignored| format!("ignored     {}: {}", ignored.what, ignored.why)));
+        let techniques = &record.plan.techniques;
+        lines.push(techniques.light_line());
+        lines.extend(techniques.guide.is_some().then(|| techniques.guide_line()));
     }
     lines.join("\n") + "\n"
 }

@@ -26,6 +26,8 @@ pub mod png;
 pub mod primaries;
 pub(crate) mod saved;
 #[doc(hidden)]
+pub mod shares;
+#[doc(hidden)]
 pub mod splats;
 pub mod store;
 pub mod tone;

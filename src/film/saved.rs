@@ -15,6 +15,7 @@ use super::atomic::write_atomically;
 use super::ids::{Count, Ids};
 use super::layer::beauty::Pixel;
 use super::layer::kind::Values;
+use super::shares::Shares;
 use super::splats::Splats;
 use super::store::{Film, Plane};
 use crate::error::{Error, Result};
@@ -348,21 +349,19 @@ impl Splats {
         self.sums().try_for_each(|sum| words.put(sum as u64))
     }
 
-    /// Reads a body, for this window of a picture.
-    pub(crate) fn read_words<R: Read>(
-        words: &mut WordReader<R>,
-        resolution: (u32, u32),
-        window: Crop,
-    ) -> io::Result<Self> {
+    /// Reads a body, for the window and the layers of this film.
+    pub(crate) fn read_words<R: Read>(words: &mut WordReader<R>, film: &Film) -> io::Result<Self> {
         let exponent = words.take()? as i64;
         let traced = (words.take()?, (words.take()?, words.take()?));
         let lost = words.take()?;
         let exponent = i32::try_from(exponent).ok().filter(|exponent| exponent.abs() < 1000);
         let exponent = exponent.ok_or_else(|| damaged("a unit that no render has"))?;
-        let count = 6 * u64::from(window.width) * u64::from(window.height);
-        words.expect(count)?;
+        let shares = Shares::of_film(film);
+        words.expect((1 + shares.count()) as u64 * film.pixels.len() as u64)?;
+        let empty = Splats::with_shares(film.resolution, film.window, exponent, shares);
+        let count = empty.len();
+        words.expect(count as u64)?;
         let sums = (0..count).map(|_| Ok(words.take()? as i64)).collect::<io::Result<_>>()?;
-        let empty = Splats::new(resolution, window, exponent);
         Splats::restored(empty, traced, lost, sums).ok_or_else(|| damaged("sums of another window"))
     }
 }

@@ -8,12 +8,18 @@
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::Relaxed};
 
+use super::shares::Shares;
 use super::store::Film;
 use crate::math::hash::mix;
 use crate::plan::options::Crop;
 
-/// Bytes of a pixel.
-pub const BYTES: u64 = 6 * size_of::<i64>() as u64;
+/// Sums of a pixel for the beauty, and for each sum of R, G, B that a layer has besides.
+const SUMS: usize = 6;
+
+/// Bytes of a pixel, with what layers have besides.
+pub const fn bytes(shares: u64) -> u64 {
+    (SUMS * size_of::<i64>()) as u64 * (1 + shares)
+}
 
 /// Largest value of one addition, units.
 const LARGEST: f64 = (1i64 << 50) as f64;
@@ -35,7 +41,9 @@ pub struct Splats {
     samples: u64,
     /// Light paths of the next sample index that are in it, and how many it has.
     begun: (u64, u64),
-    /// Three channels a half, two halves a pixel, row by row.
+    /// Layers that are parts of the beauty.
+    shares: Shares,
+    /// Three channels a half, two halves for the beauty and each of the shares, of a pixel, row by row.
     sums: Vec<AtomicI64>,
     /// Values that were left out.
     lost: AtomicU64,
@@ -47,7 +55,7 @@ pub(crate) const AS_PIXELS: u64 = u64::MAX;
 impl Clone for Splats {
     fn clone(&self) -> Self {
         let sums = self.sums.iter().map(|sum| AtomicI64::new(sum.load(Relaxed))).collect();
-        Splats { sums, lost: AtomicU64::new(self.lost()), ..*self }
+        Splats { sums, shares: self.shares.clone(), lost: AtomicU64::new(self.lost()), ..*self }
     }
 }
 
@@ -55,14 +63,19 @@ impl PartialEq for Splats {
     fn eq(&self, other: &Self) -> bool {
         let about =
             |splats: &Splats| (splats.resolution, splats.window, splats.exponent, splats.traced(), splats.lost());
-        about(self) == about(other) && self.sums().eq(other.sums())
+        about(self) == about(other) && self.shares == other.shares && self.sums().eq(other.sums())
     }
 }
 
 impl Splats {
-    /// No sums yet. The unit is 2 to the power `exponent`.
+    /// No sums yet, and the beauty alone. The unit is 2 to the power `exponent`.
     pub fn new(resolution: (u32, u32), window: Crop, exponent: i32) -> Self {
-        let count = 6 * window.width as usize * window.height as usize;
+        Splats::with_shares(resolution, window, exponent, Shares::default())
+    }
+
+    /// The same with layers that are parts of the beauty.
+    pub fn with_shares(resolution: (u32, u32), window: Crop, exponent: i32, shares: Shares) -> Self {
+        let count = SUMS * (1 + shares.count()) * window.width as usize * window.height as usize;
         let sums = std::iter::repeat_with(AtomicI64::default).take(count).collect();
         Splats {
             resolution,
@@ -71,6 +84,7 @@ impl Splats {
             scale: (-f64::from(exponent)).exp2(),
             samples: 0,
             begun: NOTHING,
+            shares,
             sums,
             lost: AtomicU64::new(0),
         }
@@ -83,7 +97,12 @@ impl Splats {
 
     /// The same for another window, without sums.
     pub fn of_window(&self, window: Crop) -> Self {
-        Splats::new(self.resolution, window, self.exponent)
+        Splats::with_shares(self.resolution, window, self.exponent, self.shares.clone())
+    }
+
+    /// Layers that are parts of the beauty.
+    pub fn shares(&self) -> &Shares {
+        &self.shares
     }
 
     /// Sample indices all of whose light paths are in it.
@@ -120,7 +139,17 @@ impl Splats {
         self.sums.iter().map(|sum| sum.load(Relaxed))
     }
 
-    /// Of saved numbers; `None` where there are not six a pixel.
+    /// Sums a pixel.
+    fn width(&self) -> usize {
+        SUMS * (1 + self.shares.count())
+    }
+
+    /// How many sums there are.
+    pub(crate) fn len(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// Of saved numbers; `None` where they are more or fewer than `empty` has.
     pub(crate) fn restored(
         empty: Splats,
         (samples, begun): (u64, (u64, u64)),
@@ -132,15 +161,25 @@ impl Splats {
         fits.then_some(Splats { samples, begun, sums, lost: AtomicU64::new(lost), ..empty })
     }
 
-    /// Adds a value to half `half` of a pixel of the full image; does nothing outside of the window.
+    /// Adds a value to half `half` of the beauty of a pixel of the full image; does nothing outside of the window.
     #[inline]
-    pub fn add(&self, (x, y): (i32, i32), half: usize, rgb: [f64; 3]) {
+    pub fn add(&self, pixel: (i32, i32), half: usize, rgb: [f64; 3]) {
+        self.add_at(pixel, half, 0, rgb);
+    }
+
+    /// The same for a share of the beauty, by the number that [`Shares::each`] gives it.
+    pub fn add_share(&self, pixel: (i32, i32), half: usize, number: usize, rgb: [f64; 3]) {
+        self.add_at(pixel, half, 1 + number, rgb);
+    }
+
+    #[inline]
+    fn add_at(&self, (x, y): (i32, i32), half: usize, place: usize, rgb: [f64; 3]) {
         let (x, y) = (i64::from(x) - i64::from(self.window.x), i64::from(y) - i64::from(self.window.y));
         let (width, height) = (i64::from(self.window.width), i64::from(self.window.height));
         if !((0..width).contains(&x) && (0..height).contains(&y)) {
             return;
         }
-        let first = (y * width + x) as usize * 6 + half * 3;
+        let first = (y * width + x) as usize * self.width() + place * SUMS + half * 3;
         let units = rgb.map(|value| (value * self.scale).round());
         if !units.iter().all(|value| value.abs() <= LARGEST) {
             self.lost.fetch_add(1, Relaxed);
@@ -164,11 +203,13 @@ impl Splats {
     pub fn merge(&mut self, part: &Splats) {
         assert_eq!((self.exponent, self.resolution), (part.exponent, part.resolution), "splats of one render");
         let (dx, dy) = (part.window.x - self.window.x, part.window.y - self.window.y);
+        assert_eq!(self.shares, part.shares, "splats of the same layers");
+        let per_pixel = self.width();
         for (from, value) in part.sums().enumerate() {
-            let (pixel, rest) = (from / 6, from % 6);
+            let (pixel, rest) = (from / per_pixel, from % per_pixel);
             let (x, y) = (pixel % part.window.width as usize, pixel / part.window.width as usize);
             let at = (y + dy as usize) * self.window.width as usize + x + dx as usize;
-            let sum = self.sums[at * 6 + rest].get_mut();
+            let sum = self.sums[at * per_pixel + rest].get_mut();
             let (joined, overflows) = sum.overflowing_add(value);
             *sum = joined;
             *self.lost.get_mut() += u64::from(overflows);
@@ -190,7 +231,7 @@ impl Splats {
         }
     }
 
-    /// Adds what light paths have found to the beauty of `film`, which has this window. A pixel gets the mean of its
+    /// Adds what light paths have found to the layers of `film`, which has this window. A pixel gets the mean of its
     /// half's light paths for each of its camera samples, whether there are more or fewer of them: their weights are
     /// those of both techniques' full numbers, and each technique's mean is unbiased with any number.
     pub fn add_to(&self, film: &mut Film) {
@@ -200,15 +241,32 @@ impl Splats {
             let whole = self.samples.saturating_add(1 - ((first ^ half) & 1)) / 2;
             whole as f64 + if half == begun_half { begun as f64 / of as f64 } else { 0.0 }
         });
-        for (pixel, sums) in film.pixels.iter_mut().zip(self.sums.chunks_exact(6)) {
-            for half in 0..2 {
-                let share = match traced[half] {
-                    _ if self.samples == AS_PIXELS => 1.0,
-                    traced if traced > 0.0 => pixel.n[half] as f64 / traced,
-                    _ => 0.0,
-                };
+        let (width, of) = (self.width(), |sums: &[AtomicI64], place: usize| -> [[f64; 3]; 2] {
+            let value = |half: usize, c: usize| sums[place * SUMS + half * 3 + c].load(Relaxed) as f64 / self.scale;
+            [0, 1].map(|half| [0, 1, 2].map(|c| value(half, c)))
+        });
+        for (p, sums) in self.sums.chunks_exact(width).enumerate() {
+            let n = film.pixels[p].n;
+            let shares = [0, 1].map(|half| match traced[half] {
+                _ if self.samples == AS_PIXELS => 1.0,
+                traced if traced > 0.0 => n[half] as f64 / traced,
+                _ => 0.0,
+            });
+            for (half, value) in of(sums, 0).into_iter().enumerate() {
                 for c in 0..3 {
-                    pixel.sum[half][c] += sums[half * 3 + c].load(Relaxed) as f64 / self.scale * share;
+                    film.pixels[p].sum[half][c] += value[c] * shares[half];
+                }
+            }
+            if self.shares.count() == 0 {
+                continue;
+            }
+            for plane in film.planes_mut() {
+                let Some((first, count)) = self.shares.place(plane.layer.aov.gathers()) else { continue };
+                for (number, kept) in plane.pixel_mut(p).as_chunks_mut::<3>().0.iter_mut().take(count).enumerate() {
+                    let halves = of(sums, 1 + first + number);
+                    for c in 0..3 {
+                        kept[c] += halves[0][c] * shares[0] + halves[1][c] * shares[1];
+                    }
                 }
             }
         }

@@ -102,6 +102,28 @@ impl PlanRecord {
     }
 }
 
+impl TechniquesRecord {
+    /// Which techniques find light, and why.
+    pub fn light_line(&self) -> String {
+        let with = |on: bool, name| if on { name } else { "" };
+        let paths = match self.light_paths > 0.0 {
+            true => format!("{} light paths a sample", self.light_paths),
+            false => "no light paths".into(),
+        };
+        let by = self.survey.as_ref().map_or(String::new(), |name| format!(" ({name})"));
+        let (bsdf, light) = (with(self.bsdf, "bsdf, "), with(self.light, "light, "));
+        format!("light by    {bsdf}{light}{paths}: {}{by}", self.reason)
+    }
+
+    /// Where directions are guided, and why.
+    pub fn guide_line(&self) -> String {
+        match &self.guide {
+            Some(guide) => format!("guided      in {} of {} cells: {}", guide.guiding, guide.cells, self.guide_reason),
+            None => format!("guided      no: {}", self.guide_reason),
+        }
+    }
+}
+
 impl fmt::Display for PlanRecord {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let list = |names: &[String]| if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
@@ -114,20 +136,7 @@ impl fmt::Display for PlanRecord {
         writeln!(f, "traced by   {}: {}", self.backend.name, self.backend.reason)?;
         let rays = &self.rays;
         writeln!(f, "rays        camera {}, bounce {}, shadow {}", rays.camera, rays.bounce, rays.shadow)?;
-        let TechniquesRecord { bsdf, light, light_paths, reason, survey, guide, guide_reason } = &self.techniques;
-        let with = |on: &bool, name| if *on { name } else { "" };
-        let paths = match *light_paths > 0.0 {
-            true => format!("{light_paths} light paths a sample"),
-            false => "no light paths".into(),
-        };
-        let by = survey.as_ref().map_or(String::new(), |name| format!(" ({name})"));
-        writeln!(f, "light by    {}{}{paths}: {reason}{by}", with(bsdf, "bsdf, "), with(light, "light, "))?;
-        match guide {
-            Some(guide) => {
-                writeln!(f, "guided      in {} of {} cells: {guide_reason}", guide.guiding, guide.cells)?;
-            }
-            None => writeln!(f, "guided      no: {guide_reason}")?,
-        }
+        writeln!(f, "{}\n{}", self.techniques.light_line(), self.techniques.guide_line())?;
         write!(f, "wave        {} paths", self.wave)?;
         if !self.aovs.is_empty() {
             write!(f, "\naov         {}", self.aovs.join(", "))?;

@@ -21,6 +21,7 @@ use crate::film::Pixel;
 use crate::film::blocks::Blocks;
 use crate::film::layer::bytes_per_pixel;
 use crate::film::layer::kind::Shape;
+use crate::film::shares::Shares;
 use crate::film::splats;
 use crate::plan::light_groups::DEFAULT;
 use crate::plan::options::RenderOptions;
@@ -84,10 +85,10 @@ const AFTER_BUILDING: usize = 6;
 
 /// What they take of a pixel: while a pass is added, the sums of the render, of the pass and of both; after it, the
 /// sums and the picture with them.
-const LIGHT_PATH_PIXEL: u64 = {
-    let [adding, looking] = [3 * splats::BYTES, splats::BYTES + size_of::<Pixel>() as u64];
-    if adding > looking { adding } else { looking }
-};
+fn light_path_pixel(plan: &RenderPlan) -> u64 {
+    let sums = splats::bytes(Shares::of(&plan.aovs, plan.light_groups.names.len()).count() as u64);
+    (3 * sums).max(sums + size_of::<Pixel>() as u64)
+}
 
 impl Need {
     /// What a render of `plan` takes, before its hierarchy is built.
@@ -114,7 +115,7 @@ impl Need {
             ("layers", pixels * layers),
             ("waves", plan.threads as u64 * waves),
             ("writing", pixels * (PIXEL_OVERHEAD - 8)),
-            (LIGHT_PATHS, if plan.features.light_paths { pixels * LIGHT_PATH_PIXEL + light_waves } else { 0 }),
+            (LIGHT_PATHS, if plan.features.light_paths { pixels * light_path_pixel(plan) + light_waves } else { 0 }),
             (HEAPS, 0),
         ];
         let parts = parts.map(|(what, bytes)| Part { what, bytes }).to_vec();

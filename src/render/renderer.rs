@@ -14,6 +14,7 @@ use crate::backend::{self, Backend, BackendInfo, Kept};
 use crate::camera::CameraRays;
 use crate::error::{Error, Result};
 use crate::film::filter::FilterTable;
+use crate::film::shares::Shares;
 use crate::film::splats::Splats;
 use crate::machine;
 use crate::plan::options::RenderOptions;
@@ -260,7 +261,8 @@ impl<'a> Renderer<'a> {
     pub(super) fn splats(&self) -> Option<Splats> {
         let tables = self.light_paths.as_ref()?;
         let exponent = tables.exponent(&self.plan, &self.camera, &self.geometry);
-        Some(Splats::new(self.plan.resolution, self.plan.window, exponent))
+        let shares = Shares::of(&self.plan.aovs, self.plan.light_groups.names.len());
+        Some(Splats::with_shares(self.plan.resolution, self.plan.window, exponent, shares))
     }
 
     /// Renders one sample of a pixel of the full image again, with everything that was decided on its path written

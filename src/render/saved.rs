@@ -124,7 +124,7 @@ pub(super) fn read_render<R: Read>(words: &mut WordReader<R>) -> io::Result<Rend
     let (mut film, mut blocks) = read_films(words)?;
     let splats = match words.take()? {
         0 => None,
-        _ => Some(Splats::read_words(words, film.resolution, film.window)?),
+        _ => Some(Splats::read_words(words, &film)?),
     };
     if let Some(splats) = &splats {
         if blocks.is_empty() {

@@ -15,6 +15,7 @@ use super::renderer::{self, Renderer};
 use crate::camera::CameraRays;
 use crate::error::Result;
 use crate::film::Pixel;
+use crate::plan::Features;
 use crate::plan::options::Heuristic;
 use crate::transport::counters::Counters;
 use crate::transport::job::Job;
@@ -26,7 +27,6 @@ use crate::transport::path;
 use crate::transport::raygen::Chunk;
 use crate::transport::wave::Wave;
 use crate::transport::world::World;
-use glam::{DVec3, Vec2};
 
 /// Pixels of the small render, at most.
 const PIXELS: f64 = 4096.0;
@@ -86,7 +86,8 @@ struct Collect {
 }
 
 impl Sink for Collect {
-    fn take(&mut self, film: Vec2, _: usize, rgb: DVec3, others: [f32; 2]) {
+    fn take(&mut self, light_path: &trace::Brought) {
+        let &trace::Brought { film, rgb, others, .. } = light_path;
         let inside = film.x >= 0.0 && film.y >= 0.0;
         let (x, y) = (film.x as usize, film.y as usize);
         if inside && x < self.width && y < self.height && rgb.is_finite() {
@@ -114,7 +115,10 @@ impl Renderer<'_> {
         let camera_steps = renderer::camera_steps(self.scene(), &small)?;
         let full = self.job();
         let Some(light_paths) = full.world.light_paths else { return Ok(Found { share: 0.0, reason: String::new() }) };
+        let mut features = *full.world.features;
+        (features.first_hit, features.per_length, features.light_groups, features.lobes) = (false, false, false, false);
         let job = Job {
+            world: World { features: &features, ..full.world },
             camera: &camera,
             camera_steps: &camera_steps,
             seed: SEED,
@@ -124,9 +128,8 @@ impl Renderer<'_> {
             ..full
         };
 
-        let mut features = *job.world.features;
-        features.light_paths = false;
-        let alone = Job { world: World { features: &features, light_paths: None, ..job.world }, ..job };
+        let without = Features { light_paths: false, ..features };
+        let alone = Job { world: World { features: &without, light_paths: None, ..job.world }, ..job };
         let (pixels, camera_rays) = self.pool.install(|| see(&alone, size, plan.wave));
 
         let count = u64::from(size.0) * u64::from(size.1);

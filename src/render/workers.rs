@@ -224,7 +224,7 @@ impl<'r> Workers<'r> {
             let mut desk = free.unwrap_or_else(|| trace::Desk::new(self.renderer.plan.wave));
             let job = Job { backend: self.backend, ..self.renderer.job() };
             let mut counters = Counters::default();
-            let mut sink = trace::ToPixels { splats: &of_pass, filter: job.filter };
+            let mut sink = trace::ToPixels::new(&of_pass, job.filter);
             while !cancelled.load(Ordering::Relaxed) {
                 let number = next.load(Ordering::Relaxed);
                 let goes_on = number == first || !is_late();

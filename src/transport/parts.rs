@@ -36,6 +36,23 @@ pub enum First {
     InMedium,
 }
 
+impl First {
+    /// Hands over the parts of radiance that was scattered so.
+    #[inline]
+    pub fn split(self, radiance: Vec3, mut add: impl FnMut(Lobes, Vec3)) {
+        match self {
+            First::Nowhere => {}
+            First::Reflected { diffuse } => {
+                let base = radiance * Vec3::from(diffuse);
+                add(Lobes::Diffuse, base);
+                add(Lobes::Glossy, radiance - base);
+            }
+            First::Transmitted => add(Lobes::Transmission, radiance),
+            First::InMedium => add(Lobes::Volume, radiance),
+        }
+    }
+}
+
 /// Which parts are kept.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wanted {
@@ -123,17 +140,8 @@ impl Parts {
             increase(&mut self.groups[slot * self.width + usize::from(origin.group)], radiance);
         }
         if let Some(lobes) = self.lobes.get_mut(slot) {
-            let mut add = |kind: Lobes, radiance: Vec3| increase(&mut lobes[kind as usize], radiance);
-            match origin.first.unwrap_or(self.first[slot]) {
-                First::Nowhere => {}
-                First::Reflected { diffuse } => {
-                    let base = radiance * Vec3::from(diffuse);
-                    add(Lobes::Diffuse, base);
-                    add(Lobes::Glossy, radiance - base);
-                }
-                First::Transmitted => add(Lobes::Transmission, radiance),
-                First::InMedium => add(Lobes::Volume, radiance),
-            }
+            let first = origin.first.unwrap_or(self.first[slot]);
+            first.split(radiance, |kind, part| increase(&mut lobes[kind as usize], part));
         }
     }
 

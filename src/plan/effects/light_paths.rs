@@ -50,16 +50,10 @@ pub fn refusal(asked: &Asked) -> Option<&'static str> {
         Some("a solid moves while the shutter is open, and lights may be in it")
     } else if found::scattering(asked).is_some() {
         Some("media scatter")
-    } else if found::first_with(asked, Fact::Disperses).is_some() {
-        Some("a solid has dispersion")
     } else if found::hidden_backs(asked).is_some() {
         Some("backs of surfaces are hidden, which light and camera do not see alike")
     } else if found::texture_filter(asked).is_some() {
         Some("textures are filtered by the width of paths")
-    } else if found::per_length(asked).is_some() {
-        Some("layers by path length are asked for")
-    } else if found::light_groups(asked).is_some() || found::lobes(asked).is_some() {
-        Some("layers by light group or by lobe are asked for")
     } else if asked.options.filter == FilterKind::Point {
         Some("there is no pixel filter")
     } else {

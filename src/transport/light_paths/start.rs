@@ -103,6 +103,10 @@ pub fn run(
     if world.features.shutter {
         shutter::stamp_paths(&wave.times, &mut wave.current);
     }
+    wave.split.clear();
+    if world.features.dispersion {
+        wave.split.resize(states.len(), false);
+    }
     wave.starts.clear();
     if world.features.exact_starts {
         wave.starts.resize(states.len(), Start::NOWHERE);

@@ -16,11 +16,13 @@ use crate::backend::Coherence;
 use crate::backend::batch::{BLOCKED, INVALID_ID, LANES, RayHitBlock};
 use crate::camera::{CameraRays, Sight};
 use crate::film::filter::FilterTable;
+use crate::film::shares::Belongs;
 use crate::film::splats::Splats;
 use crate::math::columns::{Lane, Lane3, Mask, ZERO, ZERO3, bits, get, set};
 use crate::math::float;
 use crate::math::lanes::lanes_of;
 use crate::math::simd::isa::{Baseline, Isa, Kernel};
+use crate::plan::aov::Lobes;
 use crate::sampler::{Scheme, WithScheme, dims};
 use crate::shading::bsdf::clearcoat::Clearcoat;
 use crate::shading::bsdf::compensated::Compensated;
@@ -32,11 +34,11 @@ use crate::transport::directions::Mixture;
 use crate::transport::job::Job;
 use crate::transport::kernel::{FLAT, Lanes};
 use crate::transport::kind::Kind;
-use crate::transport::parts::Wanted;
+use crate::transport::parts::{Origin, Wanted};
 use crate::transport::tape::Silent;
 use crate::transport::vertices::Vertices;
 use crate::transport::wave::{PathBlock, RayLanes, ShadowLight, Wave};
-use crate::transport::{departure, media, pass_through, path, shutter};
+use crate::transport::{departure, lobes, media, origin, pass_through, path, shutter, spectrum};
 
 /// What a worker traces light paths with.
 pub struct Desk {
@@ -54,25 +56,68 @@ struct Place {
     film: Vec2,
     /// Densities of BSDF samples and of light samples over that of the light paths.
     others: [f32; 2],
+    /// Its light, and how the surface that the camera sees scatters it; empty where no layer tells them apart.
+    origin: Origin,
+}
+
+/// What an open connection brings.
+#[derive(Clone, Copy, Debug)]
+pub struct Brought {
+    /// Where: the point of the picture, pixels.
+    pub film: Vec2,
+    /// To which half of the film.
+    pub half: usize,
+    /// Radiance times the area of a pixel.
+    pub rgb: DVec3,
+    /// Edges of the path from the camera to the light.
+    pub edges: u32,
+    /// Its light, and how it was scattered where the camera sees it.
+    pub origin: Origin,
+    /// Densities of BSDF samples and of light samples for the path over that of light paths.
+    pub others: [f32; 2],
 }
 
 /// What becomes of what light paths find.
 pub trait Sink {
-    /// Takes the radiance that an open connection brings to the point `film` of the picture (pixels), times the area of
-    /// a pixel. `others` are the densities of BSDF samples and of light samples for the path over that of light paths.
-    fn take(&mut self, film: Vec2, half: usize, rgb: DVec3, others: [f32; 2]);
+    /// Takes what an open connection brings.
+    fn take(&mut self, brought: &Brought);
 }
 
 /// Adds it to the pixels whose filter reaches the place.
 pub struct ToPixels<'a> {
-    /// Sums.
-    pub splats: &'a Splats,
-    /// Pixel filter.
-    pub filter: &'a FilterTable,
+    splats: &'a Splats,
+    filter: &'a FilterTable,
+    /// Numbers of the layers' sums and what belongs to them, of one connection.
+    shares: Vec<(usize, DVec3)>,
+}
+
+impl<'a> ToPixels<'a> {
+    /// To sums, by a pixel filter.
+    pub fn new(splats: &'a Splats, filter: &'a FilterTable) -> Self {
+        ToPixels { splats, filter, shares: Vec::new() }
+    }
+
+    /// Finds out which layers have a share in it.
+    fn share(&mut self, brought: &Brought) {
+        let &Brought { rgb, edges, origin, .. } = brought;
+        let mut parts = [(Lobes::Diffuse, [0.0; 3]); 2];
+        let mut count = 0;
+        origin.first.unwrap_or_default().split(rgb.as_vec3(), |kind, part| {
+            parts[count] = (kind, part.as_dvec3().to_array());
+            count += 1;
+        });
+        let belongs = Belongs { edges: edges as usize, group: origin.group.into(), scattered: &parts[..count] };
+        self.shares.clear();
+        self.splats.shares().each(rgb.to_array(), &belongs, |number, part| self.shares.push((number, part.into())));
+    }
 }
 
 impl Sink for ToPixels<'_> {
-    fn take(&mut self, film: Vec2, half: usize, rgb: DVec3, _: [f32; 2]) {
+    fn take(&mut self, brought: &Brought) {
+        let &Brought { film, half, rgb, .. } = brought;
+        if self.splats.shares().count() > 0 {
+            self.share(brought);
+        }
         let radius = self.filter.kind().radius();
         let first = |x: f32| (x - 0.5 - radius).ceil() as i32;
         let last = |x: f32| (x - 0.5 + radius).floor() as i32;
@@ -81,6 +126,9 @@ impl Sink for ToPixels<'_> {
             for x in first(film.x)..=last(film.x) {
                 let share = f64::from(self.filter.value(film.x - 0.5 - x as f32) * down);
                 self.splats.add((x, y), half, (rgb * share).to_array());
+                for &(number, part) in &self.shares {
+                    self.splats.add_share((x, y), half, number, (part * share).to_array());
+                }
             }
         }
     }
@@ -151,7 +199,7 @@ fn trace<K: Sink>(run: Run<K>, drawn: Drawn) {
             }
             _ => Baseline::call(Shade::<Surface> { job, light_paths, desk, edge, numbers, of: Default::default() }),
         }
-        connect(job, desk, sink, batch.per_sample, counters);
+        connect(job, desk, sink, (batch.per_sample, edge + 1), counters);
         std::mem::swap(&mut desk.wave.current, &mut desk.wave.next);
         edge += 1;
     }
@@ -172,8 +220,8 @@ fn model_for_all(kinds: &[Kind]) -> Kind {
     all
 }
 
-/// Traces the connections and hands over the open ones.
-fn connect(job: &Job, desk: &mut Desk, sink: &mut impl Sink, per_sample: u64, counters: &mut Counters) {
+/// Traces the connections, of paths of so many edges, and hands over the open ones.
+fn connect(job: &Job, desk: &mut Desk, sink: &mut impl Sink, (per_sample, edges): (u64, u32), counters: &mut Counters) {
     let Desk { wave, states, places } = desk;
     if wave.shadows.len == 0 {
         return;
@@ -195,7 +243,8 @@ fn connect(job: &Job, desk: &mut Desk, sink: &mut impl Sink, per_sample: u64, co
             let carried = &wave.shadows.carried[block];
             let rgb = get(&carried.radiance, i).as_dvec3() / per_sample as f64;
             let half = states[carried.slot[i] as usize].half as usize;
-            sink.take(place.film, half, rgb, place.others);
+            let Place { film, others, origin } = *place;
+            sink.take(&Brought { film, half, rgb, edges, origin, others });
         }
     }
 }
@@ -259,6 +308,10 @@ fn shade<'c, B: Bsdf<'c>>(
     if bits(&vertices.active) == 0 {
         return;
     }
+    if B::EXTENDED && world.features.dispersion {
+        let u = paths.random(dims::TIME, numbers);
+        spectrum::arrive(world, &mut vertices, paths, &u[1], &mut desk.wave.split);
+    }
     let u = paths.random(dims::bsdf(edge), numbers);
     let arriving = vertices.beta;
     let bsdfs = Lanes::<B>::resolve(world, rays, &mut vertices, &u[3]);
@@ -302,11 +355,16 @@ fn see<'c, B: Bsdf<'c>>(
         return;
     }
     let mut eyes = Vertices::gather::<Baseline>(world, &toward, paths, seen);
-    eyes.exterior = vertices.exterior;
+    (eyes.exterior, eyes.wavelength_nm) = (vertices.exterior, vertices.wavelength_nm);
     let eye_bsdfs = Lanes::<B>::resolve(world, &toward, &mut eyes, u_material);
     let mut scattered = eye_bsdfs.eval(&eyes, &vertices.wo);
     if world.features.guide {
         Mixture::at(world, &eyes, &eye_bsdfs).weigh(world, &vertices.wo, &mut scattered.pdf_sa);
+    }
+
+    let mut firsts = [None; LANES];
+    if world.features.lobes {
+        firsts = lobes::of_light(&eye_bsdfs, &eyes, &vertices.wo, &scattered).map(Some);
     }
 
     let (mut carried, mut dir, mut tfar, mut keep) = (ZERO3, ZERO3, ZERO, 0u16);
@@ -336,7 +394,7 @@ fn see<'c, B: Bsdf<'c>>(
             keep |= 1 << i;
         }
     }
-    let Desk { wave, places, .. } = desk;
+    let Desk { wave, places, states } = desk;
     let (stacks, from) = ((&wave.media[..], &wave.touching[..]), (rays, paths));
     if world.features.boundaries {
         media::start_shadows(world, vertices, from, (&dir, keep), stacks, &mut wave.shadows.media);
@@ -346,7 +404,9 @@ fn see<'c, B: Bsdf<'c>>(
     for i in lanes_of(keep) {
         let light = ShadowLight { radiance: get(&carried, i), slot: paths.slot[i] };
         wave.shadows.push((get(&origins, i), get(&dir, i), tfar[i]), light);
-        places.push(Place { film: sights[i].map_or(Vec2::ZERO, |sight| sight.film), others: others[i] });
+        let (film, light) = (sights[i].map_or(Vec2::ZERO, |sight| sight.film), states[paths.slot[i] as usize].light);
+        let origin = Origin { first: firsts[i], ..origin::of_sample(world, light) };
+        places.push(Place { film, others: others[i], origin });
     }
 }
 
