@@ -102,8 +102,8 @@ impl Need {
         let films = films(plan.limits.spp);
         let shape = Shape { max_depth: plan.max_depth, groups: &plan.light_groups.names };
         let layers = bytes_per_pixel(&plan.aovs, &shape, films, ids(plan.limits.spp, names));
-        let waves = Wave::bytes(plan.wave, &Wanted::by(plan)) + PER_THREAD;
-        let light_waves = plan.threads as u64 * Wave::bytes(plan.wave, &Wanted::default());
+        let waves = Wave::bytes(plan.wave, &Wanted::by(plan), &plan.features) + PER_THREAD;
+        let light_waves = plan.threads as u64 * Wave::bytes(plan.wave, &Wanted::default(), &plan.features);
         let parts = [
             ("program", held.saturating_sub(scene + textures + geometry)),
             ("scene", scene),

@@ -14,6 +14,7 @@ use super::truncation::Truncated;
 use crate::backend::batch::{BLOCKED, LANES, RayBlock, RayHitBlock};
 use crate::math::columns::{Column, Lane, Movable, ZERO, columns};
 use crate::math::simd::isa::Isa;
+use crate::plan::Features;
 use crate::plan::aov::Guide;
 use crate::sampler::Scheme;
 use crate::shading::cone::Cone;
@@ -374,16 +375,28 @@ impl Wave {
         }
     }
 
-    /// Bytes of the columns of a wave for `capacity` paths, with those that few scenes need.
-    pub fn bytes(capacity: usize, wanted: &Wanted) -> u64 {
+    /// Bytes of the columns of a wave for `capacity` paths, with those that these features need.
+    pub fn bytes(capacity: usize, wanted: &Wanted, features: &Features) -> u64 {
+        let if_on = |on: bool, bytes: usize| if on { bytes } else { 0 };
         let paths = 2 * (size_of::<RayHitBlock>() + size_of::<PathBlock>());
         let block = paths + size_of::<RayBlock>() + size_of::<ShadowBlock>() + size_of::<(Kind, u16)>();
+        let passes = features.passes(1) | features.passes(2) | features.shadows_pass() | features.exact_starts;
         let passing = size_of::<RayHitBlock>() + LANES * (size_of::<Pending>() + size_of::<u32>());
-        let followed = if wanted.followed { size_of::<Followed>() } else { 0 };
-        let path = KINDS * size_of::<u32>() + size_of::<Gathered>() + size_of::<Origin>() + wanted.bytes() + followed;
-        let media = 2 * (size_of::<Media>() + size_of::<Start>()) + size_of::<Option<Boundary>>() + size_of::<f32>();
-        let rare = media + size_of::<Cone>() + size_of::<bool>() + size_of::<f32>() + size_of::<[f32; 3]>();
-        ((capacity / LANES + 2) * (block + passing + size_of::<u16>()) + capacity * (path + rare)) as u64
+        let gone = if_on(features.scattering, size_of::<u16>());
+        let followed = if_on(wanted.followed, size_of::<Followed>());
+        let origin = if_on(features.light_groups | features.lobes, size_of::<Origin>());
+        let path = KINDS * size_of::<u32>() + size_of::<Gathered>() + wanted.bytes() + followed + origin;
+        let rare = if_on(features.media, 2 * size_of::<Media>())
+            + if_on(features.exact_starts, 2 * size_of::<Start>())
+            + if_on(features.media && features.coincident, size_of::<Option<Boundary>>())
+            + if_on(features.scattering && features.boundaries, size_of::<f32>())
+            + if_on(features.light_paths, size_of::<f32>())
+            + if_on(features.guide, size_of::<f32>())
+            + if_on(features.footprints, size_of::<Cone>())
+            + if_on(features.dispersion, size_of::<bool>())
+            + if_on(features.shutter, size_of::<f32>())
+            + if_on(features.first_hit, size_of::<[f32; 3]>());
+        ((capacity / LANES + 2) * (block + if_on(passes, passing) + gone) + capacity * (path + rare)) as u64
     }
 
     /// Paths that fit.
