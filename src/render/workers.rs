@@ -40,8 +40,8 @@ const BLAME_TIME: Duration = Duration::from_millis(400);
 /// Samples of a pixel that are looked at then: those of the longest pass.
 const MOST_BLAMED: u64 = 64;
 
-/// How often the callback is called during a pass.
-const REPORT_INTERVAL: Duration = Duration::from_millis(100);
+/// How often the callback is called during a pass: who moves the camera of a view waits for it.
+const REPORT_INTERVAL: Duration = Duration::from_millis(20);
 
 /// One pass.
 pub(super) struct Pass {
@@ -66,12 +66,14 @@ pub(super) enum PassEnd {
     Fault(Fault),
 }
 
-/// Whether a tile's texels could be read.
-enum Texels {
-    /// All.
-    Read,
-    /// Not all: its pixels stay as they were.
-    Missing,
+/// What became of a tile.
+enum Done {
+    /// It has its samples.
+    Whole,
+    /// Not all texels could be read: its pixels stay as they were.
+    Unread,
+    /// The callback broke off: the tile has samples, but not all of this pass.
+    BrokenOff,
 }
 
 /// The workers of one render and what they add to.
@@ -109,7 +111,7 @@ impl<'r> Workers<'r> {
     }
 
     /// Renders one pass over all tiles on the pool while this thread calls `report` with the fraction of the tiles that
-    /// are done and the rays traced so far. Tiles at hand are finished whatever ends the pass.
+    /// are done and the rays traced so far. Tiles at hand are finished when the time is up.
     pub fn run(&self, pass: &Pass, report: &mut dyn FnMut(f64, u64) -> ControlFlow<()>) -> PassEnd {
         let cancelled = AtomicBool::new(false);
         let (finished, light) = (AtomicUsize::new(0), self.light_batches(pass.end));
@@ -147,11 +149,12 @@ impl<'r> Workers<'r> {
                     }
                     taken.fetch_add(1, Ordering::Relaxed);
                     let at = Cell::new((0, 0, 0));
-                    match catch_unwind(AssertUnwindSafe(|| self.run_tile(pass, tile, &at))) {
-                        Ok(Texels::Read) => {
+                    match catch_unwind(AssertUnwindSafe(|| self.run_tile(pass, tile, &at, &cancelled))) {
+                        Ok(Done::Whole) => {
                             finished.fetch_add(1, Ordering::Relaxed);
                         }
-                        Ok(Texels::Missing) => {
+                        Ok(Done::BrokenOff) => {}
+                        Ok(Done::Unread) => {
                             cancelled.store(true, Ordering::Relaxed);
                             unread.store(true, Ordering::Relaxed);
                         }
@@ -274,12 +277,12 @@ impl<'r> Workers<'r> {
     }
 
     /// Renders one tile's samples of a pass, block by block (`film/blocks.rs`), and adds them to the film,
-    /// unless a texture could not be read meanwhile. A function in the machine code as well: `make gates` counts what
-    /// runs within it.
+    /// unless a texture could not be read meanwhile. Of a tile that has samples the block at hand is dropped once it is
+    /// `cancelled`. A function in the machine code as well: `make gates` counts what runs within it.
     #[inline(never)]
-    fn run_tile(&self, pass: &Pass, tile: &Tile, at: &Cell<(usize, usize, u64)>) -> Texels {
+    fn run_tile(&self, pass: &Pass, tile: &Tile, at: &Cell<(usize, usize, u64)>, cancelled: &AtomicBool) -> Done {
         let plan = &self.renderer.plan;
-        let Some(&first_pixel) = tile.pixels.first() else { return Texels::Read };
+        let Some(&first_pixel) = tile.pixels.first() else { return Done::Whole };
         // All pixels of a tile have the same number: tiles are rendered wholly or not at all.
         let mut done = self.totals().film.samples(first_pixel);
         while done < pass.end {
@@ -301,13 +304,16 @@ impl<'r> Workers<'r> {
             let per_chunk = (wave.capacity() / in_chunk).max(1);
             let chunks = tile.pixels.chunks(per_chunk).zip(patch.pixels.chunks_mut(per_chunk));
             for (number, (pixels, sums)) in chunks.enumerate() {
+                if done > 0 && cancelled.load(Ordering::Relaxed) {
+                    return Done::BrokenOff;
+                }
                 at.set((number * per_chunk, pixels.len(), first_sample));
                 let chunk = Chunk { pixels, first_sample, samples: in_chunk };
                 path::run(&job, &chunk, wave, sums, &mut counters);
                 accumulate::layers(&chunk, wave, &mut patch.planes, number * per_chunk);
             }
             if self.renderer.tiles.as_ref().is_some_and(|tiles| tiles.must_stop()) {
-                return Texels::Missing;
+                return Done::Unread;
             }
             let mut totals = self.totals();
             totals.film.push(&tile.pixels, patch);
@@ -316,7 +322,7 @@ impl<'r> Workers<'r> {
             self.desks.lock().unwrap_or_else(PoisonError::into_inner).push(desk);
             done += samples;
         }
-        Texels::Read
+        Done::Whole
     }
 
     /// Which sample of a tile a worker failed at: those of the chunk at hand (its first pixel within the tile, number
@@ -429,7 +435,8 @@ mod tests {
 
                 let pass = Pass { end: 1, deadline: None };
                 for tile in &workers.tiles {
-                    assert!(matches!(workers.run_tile(&pass, tile, &Cell::new((0, 0, 0))), Texels::Read));
+                    let at = Cell::new((0, 0, 0));
+                    assert!(matches!(workers.run_tile(&pass, tile, &at, &AtomicBool::new(false)), Done::Whole));
                 }
                 let mean = workers.totals().picture().mean()[0] * std::f64::consts::PI / 0.5;
                 let ended = workers.run(&pass, &mut |_, _| ControlFlow::Continue(()));
