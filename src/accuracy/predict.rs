@@ -10,8 +10,11 @@
 //! that is a process without memory (Ornstein-Uhlenbeck), so the generalised least squares need no matrix: each point
 //! is whitened by its predecessor alone.
 //!
-//! A pilot whose tail is not tame (`film::estimate`) has not met what will decide: of its prediction the lower ends are
-//! left, and a sentence ([`Predicted::caution`]).
+//! A pilot whose tail is not tame (`film::estimate`) has not met what will decide, or has met too much of it: of its
+//! prediction a lower bound is left, and a sentence ([`Predicted::caution`]). The bound knows nothing of the fit's
+//! level, for one firefly in the pilot puts that too high at every look after it: it starts from the lower end of the
+//! last look's own interval ([`Point::relmse_at_least`], 97.5 % of one side) and goes down the steepest slope that
+//! the fit allows (97.5 %), so it holds with 95 % at least, however the two depend on each other (Bonferroni).
 //!
 //! Limits: a constant slope; the machine stays as fast as during the pilot; bias has no part in the model.
 
@@ -37,8 +40,10 @@ pub struct Point {
     pub seconds: f64,
     /// Estimated relMSE.
     pub relmse: f64,
-    /// Its 95 % interval.
+    /// Its 95 % interval, from the spread over pixels.
     pub relmse_interval: [f64; 2],
+    /// Lower end of the 95 % interval that holds where single events carry the error as well.
+    pub relmse_at_least: f64,
 }
 
 /// What is held of the slope before any point: a normal distribution.
@@ -84,6 +89,8 @@ pub struct Prediction {
     pub spp: f64,
     /// Fitted relMSE at `spp`.
     pub relmse: f64,
+    /// What it is at least, with 97.5 %: the lower end of the last point alone.
+    pub relmse_at_least: f64,
     /// Covariance of (ln relmse, s).
     covariance: [[f64; 2]; 2],
 }
@@ -100,14 +107,26 @@ pub struct Predicted {
     pub spp_interval: [f64; 2],
     /// Of `seconds`.
     pub seconds_interval: [f64; 2],
+    /// Samples per pixel that it takes at least, with 95 %, whatever the tail.
+    pub least_spp: f64,
+    /// Seconds of `least_spp`, fixed ones included.
+    pub least_seconds: f64,
     /// Whether only the lower ends of the intervals are to be relied on, and how the tail that the pilot showed is.
     pub tail: Verdict,
 }
 
 impl Predicted {
-    /// As far as a pilot of this tail can know; one that says nothing of its tail is taken as tame.
+    /// As far as a pilot of this tail can know; one that says nothing of its tail is taken as tame. Where it is not,
+    /// the lower ends of the intervals are the lower bounds.
     pub fn under(self, tail: Option<Verdict>) -> Self {
-        Predicted { tail: tail.unwrap_or(self.tail), ..self }
+        let tail = tail.unwrap_or(self.tail);
+        if tail == Verdict::Tame {
+            return Predicted { tail, ..self };
+        }
+        let ([spp, most_spp], [seconds, most_seconds]) = (self.spp_interval, self.seconds_interval);
+        let spp_interval = [spp.min(self.least_spp), most_spp];
+        let seconds_interval = [seconds.min(self.least_seconds), most_seconds];
+        Predicted { tail, spp_interval, seconds_interval, ..self }
     }
 
     /// What to say beside the lower bound, where it is one.
@@ -183,6 +202,7 @@ pub fn fit_with(points: &[Point], fixed_seconds: f64, prior: SlopePrior) -> Opti
         slope_error: covariance[1][1].sqrt(),
         spp: last.spp as f64,
         relmse: level.exp(),
+        relmse_at_least: last.relmse_at_least,
         covariance,
     })
 }
@@ -198,13 +218,30 @@ impl Prediction {
         let around = |value: f64, sd: f64| [value * (-NORMAL_95 * sd).exp(), value * (NORMAL_95 * sd).exp()];
         let seconds = self.seconds_per_spp * spp;
         let sampling = around(seconds, (variance + self.rate_error * self.rate_error).sqrt());
+        let least_spp = self.least_spp(e);
         Predicted {
             spp,
             seconds: self.fixed_seconds + seconds,
             spp_interval: around(spp, variance.sqrt()),
             seconds_interval: sampling.map(|s| self.fixed_seconds + s),
+            least_spp,
+            least_seconds: self.least_seconds(least_spp),
             tail: Verdict::Tame,
         }
+    }
+
+    /// Samples per pixel that the relative RMSE `e` takes at least, with 95 %.
+    fn least_spp(&self, e: f64) -> f64 {
+        let fall = (self.relmse_at_least / (e * e)).ln();
+        // Ahead the steepest slope gets there first, back from a target that may be met already the flattest.
+        let slope = self.slope + NORMAL_95.copysign(fall) * self.slope_error;
+        self.spp * (fall / slope.clamp(SLOPE_BOUNDS[0], SLOPE_BOUNDS[1])).exp()
+    }
+
+    /// Seconds that `spp` samples per pixel take at least, fixed ones included: with 97.5 %, if the machine stays as it
+    /// was.
+    pub fn least_seconds(&self, spp: f64) -> f64 {
+        self.fixed_seconds + self.seconds_per_spp * (-NORMAL_95 * self.rate_error).exp() * spp
     }
 
     /// Relative RMSE expected after `spp` samples per pixel.
@@ -252,7 +289,8 @@ mod tests {
 
     fn point(spp: u64, seconds: f64, relmse: f64, relative: f64) -> Point {
         let factor = (NORMAL_95 * relative).exp();
-        Point { spp, seconds, relmse, relmse_interval: [relmse / factor, relmse * factor] }
+        let relmse_interval = [relmse / factor, relmse * factor];
+        Point { spp, seconds, relmse, relmse_interval, relmse_at_least: relmse_interval[0] }
     }
 
     /// Oracle: the model itself. Points on a power law are continued exactly, whatever the prior, once they are sharp.
@@ -331,8 +369,30 @@ mod tests {
         for verdict in [Verdict::Heavy, Verdict::Untrusted] {
             let under = cost.under(Some(verdict));
             assert!(under.caution().is_some_and(|caution| caution.contains("at least that long")), "{under:?}");
-            assert_eq!((under.spp, under.seconds_interval), (cost.spp, cost.seconds_interval));
+            assert_eq!((under.spp, under.spp_interval[1]), (cost.spp, cost.spp_interval[1]));
+            let low = [cost.spp_interval[0].min(cost.least_spp), cost.seconds_interval[0].min(cost.least_seconds)];
+            assert_eq!([under.spp_interval[0], under.seconds_interval[0]], low);
         }
+    }
+
+    /// Oracle: the model by hand. Known exactly but for relMSE, which may be a quarter of what was fitted, a slope of 1
+    /// leaves a quarter of the samples; what may be met already takes next to nothing.
+    #[test]
+    fn lower_bounds_start_from_the_lower_end_of_the_last_look() {
+        let points = [point(16, 1.0, 0.04, 0.1), Point { relmse_at_least: 0.005, ..point(32, 2.0, 0.02, 0.1) }];
+        let pilot = fit_with(&points, 3.0, SlopePrior::INDEPENDENT).expect("points");
+        let cost = pilot.for_error(0.01);
+        assert!((cost.least_spp / 1600.0 - 1.0).abs() < 1e-4, "{cost:?}");
+        let seconds = 3.0 + 0.0625 * cost.least_spp;
+        assert!(cost.least_seconds < seconds && cost.least_seconds > 0.8 * seconds, "{cost:?}");
+        // The steepest slope that Sobol' points leave is worth less than the fitted one ahead, and the flattest back.
+        let sobol = fit(&points, 3.0).expect("points");
+        for e in [0.01f64, 0.2] {
+            let fitted = 32.0 * (0.005 / (e * e)).powf(1.0 / sobol.slope);
+            assert!(sobol.for_error(e).least_spp < fitted, "{e}: {sobol:?}");
+        }
+        let nothing = Point { relmse_at_least: 0.0, ..points[1] };
+        assert_eq!(fit(&[nothing], 3.0).expect("a point").for_error(0.01).least_spp, 0.0);
     }
 
     #[test]

@@ -103,6 +103,7 @@ fn setup(
         budget_s: request.budget.as_secs_f64(),
         seconds: study.seconds,
         fixed_s: study.fixed_s,
+        estimate_s: study.estimate_s,
         seeds: [base.seed, base.seed.wrapping_add(1), measure::reference_seed(base.seed)],
         price_per_core_hour: args.price_per_core_hour,
     }

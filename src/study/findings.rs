@@ -73,6 +73,8 @@ pub struct Measured {
 pub struct Study {
     /// Load and build of the default setting, seconds.
     pub fixed_s: f64,
+    /// Wall time that the film takes to estimate its error once, seconds: at the pilot's last look.
+    pub estimate_s: Option<f64>,
     /// Points of the pilot.
     pub pilot: Vec<Point>,
     /// What they say.
@@ -116,6 +118,7 @@ impl Study {
         let series = |setting| Series { setting, runs: Vec::new(), pictures: Vec::new() };
         Study {
             fixed_s,
+            estimate_s: None,
             pilot: Vec::new(),
             prediction: None,
             prices: Vec::new(),

@@ -196,10 +196,13 @@ impl Study {
         while self.pilot.len() < 3 || renderers.share() < PILOT_UNTIL {
             let (render, _) = renderers.render(base, base.seed, spp, "pilot")?;
             tail = render.film.tail().map(|tail| tail.verdict());
+            let begun = Instant::now();
             if let Some(estimate) = render.film.error_estimate() {
+                self.estimate_s = Some(begun.elapsed().as_secs_f64());
                 let seconds = render.render_time.as_secs_f64();
                 let (relmse, relmse_interval) = (estimate.relmse, estimate.interval);
-                self.pilot.push(Point { spp, seconds, relmse, relmse_interval });
+                let relmse_at_least = relmse_interval[0];
+                self.pilot.push(Point { spp, seconds, relmse, relmse_interval, relmse_at_least });
                 self.prediction = predict::fit_with(&self.pilot, self.fixed_s, SlopePrior::of(base.sampler));
             } else if spp > LEAST_SPP {
                 break;

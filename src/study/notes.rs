@@ -49,6 +49,14 @@ pub fn of(report: &Report, study: &Study) -> Vec<String> {
     if let Some(caution) = report.prices.iter().find_map(|price| price.caution) {
         notes.push(format!("The price list has lower bounds, because in the pilot {caution}."));
     }
+    if let (Some(seconds), Some(prediction)) = (report.setup.estimate_s, study.prediction) {
+        notes.push(format!(
+            "An estimate of the error takes {:.3} ms, as long as {:.2} samples per pixel. `--error` asks for one at \
+             each power of two, and some near the target.",
+            1e3 * seconds,
+            seconds / prediction.seconds_per_spp
+        ));
+    }
     let unreliable: Vec<&str> = report.settings.iter().filter(|r| r.unreliable).map(|r| r.name.as_str()).collect();
     if !unreliable.is_empty() {
         notes.push(format!(

@@ -74,6 +74,8 @@ pub struct Setup {
     pub seconds: f64,
     /// Load and build.
     pub fixed_s: f64,
+    /// Wall time of one estimate of the error by the film; `null` where the pilot has none.
+    pub estimate_s: Option<f64>,
     /// Seeds: of the pilot, of the first run, of the first run of the reference.
     pub seeds: [u64; 3],
     /// Price of a core for an hour, if one was given.

@@ -332,6 +332,10 @@ fn the_command_writes_its_report() {
     assert_eq!(json["setup"]["resolution"], serde_json::json!([32, 32]));
     assert_eq!(json["classes"]["paths"], 1024);
     assert!(json["prices"].as_array().is_some_and(|prices| prices.len() == 5), "{}", json["prices"]);
+    // What the film's estimate takes is told: some time, and less than the study.
+    let estimate = json["setup"]["estimate_s"].as_f64().expect("the pilot has a last look");
+    assert!(0.0 < estimate && estimate < json["setup"]["seconds"].as_f64().expect("a number"), "{}", json["setup"]);
+    assert!(json["notes"].to_string().contains("An estimate of the error takes"), "{}", json["notes"]);
     let settings = json["settings"].as_array().expect("a list");
     assert!(settings.iter().any(|row| row["name"] == "default" && row["relmse"]["value"].as_f64() > Some(0.0)));
     let csv = read("report.csv");
