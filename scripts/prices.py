@@ -10,8 +10,8 @@ difference is 8 samples, with reading, building, surveys and writing taken out. 
 no AVX-512): the same count on every machine, within a thousandth or so.
 
 Samples: a picture 48 pixels wide, box filter, stops at 2 % or at 512 samples. Where it does not get there, samples go
-on from its error as 1/N, which is a lower bound where the verdict on the tail is not `tame`. All of it is a function of
-scene, options and seed; seconds are of the machine that ran it, and are there to be looked at.
+on from its error as 1/N, and from the lower end of its interval where the verdict on the tail is not `tame`. All of it
+is a function of scene, options and seed; seconds are of the machine that ran it, and are there to be looked at.
 """
 
 import argparse
@@ -91,9 +91,12 @@ def short(value):
 
 def row(name, p):
     bound = "" if p["reached"] or p["verdict"].startswith("tame") else "≥ "
+    # What a bound says is the lower end: the estimate itself is as often too high as too low.
+    scale = p["low"] / p["spp"] if bound else 1.0
     between = "reached" if p["reached"] else f"{short(p['low'])} to {short(p['high'])}"
-    cells = [name, short(p["per_sample"]), bound + short(p["spp"]), between, p["verdict"]]
-    return "| " + " | ".join(cells + [bound + short(p["per_pixel"] / 1e6), bound + short(p["seconds"])]) + " |"
+    cells = [name, short(p["per_sample"]), bound + short(scale * p["spp"]), between, p["verdict"]]
+    cells += [bound + short(scale * p["per_pixel"] / 1e6), bound + short(scale * p["seconds"])]
+    return "| " + " | ".join(cells) + " |"
 
 
 def scenes(shared):
@@ -129,8 +132,9 @@ def main():
         f"Written by `make prices` (scripts/prices.py) with {version}. Instructions of a sample by callgrind, the",
         f"difference of {MORE} and {FEW} samples per pixel of a picture {SMALL} pixels wide; samples to a relative",
         f"RMSE of 2 % of a picture {WIDTH} pixels wide: reached, or from its estimate at {MOST_SPP} samples as 1/N, a",
-        "lower bound (≥) where the tail is not tame. Box filter, seed 1, one thread, obvhs on AVX2. Instructions and",
-        "samples are the same on every machine; the seconds, of that picture, are of the one that ran it.",
+        "lower bound (≥, the lower end) where the tail is not tame. Box filter, seed 1, one thread, obvhs on AVX2.",
+        "Instructions and samples are the same on every machine; the seconds, of that picture, are of the one that ran",
+        "it.",
         "",
         "| " + " | ".join(head) + " |",
         "|" + " --- |" * len(head),
