@@ -1,8 +1,8 @@
-//! Which layers light paths have a share in: those that are parts of the beauty. Each has sums of its own in
-//! [`Splats`](super::splats::Splats), behind those of the beauty.
+//! Which layers light paths have a share in: those that are parts of the beauty, but for `bounces`, whose many lengths
+//! would take more memory than all else (light paths take no part where that is asked for). Each has sums of its own
+//! in [`Splats`](super::splats::Splats), behind those of the beauty.
 
 use super::layer::LAYERS;
-use super::layer::bounces::LENGTHS;
 use super::store::Film;
 use crate::plan::aov::{Aov, Gathers, Lobes};
 
@@ -40,11 +40,11 @@ impl Shares {
 
     fn in_order(aovs: impl Iterator<Item = Aov>, groups: usize) -> Self {
         let sums = |gathers: Gathers| match gathers {
-            Gathers::PathLengths => LENGTHS,
             Gathers::Edges { most, .. } if most < LEAST_EDGES => 0,
             Gathers::Edges { .. } | Gathers::Scattered(_) => 1,
             Gathers::LightGroups => groups,
-            Gathers::Nothing | Gathers::Followed(_) | Gathers::FirstHit | Gathers::Centre => 0,
+            Gathers::PathLengths | Gathers::Followed(_) | Gathers::FirstHit => 0,
+            Gathers::Nothing | Gathers::Centre => 0,
         };
         let layers = aovs.map(|aov| (aov.gathers(), sums(aov.gathers())));
         Shares { layers: layers.filter(|(_, sums)| *sums > 0).collect() }
@@ -66,7 +66,6 @@ impl Shares {
         let mut first = 0;
         for &(gathers, sums) in &self.layers {
             match gathers {
-                Gathers::PathLengths => add(first + belongs.edges.min(LENGTHS - 1), rgb),
                 Gathers::Edges { least, most } if (least..=most).contains(&belongs.edges) => add(first, rgb),
                 Gathers::LightGroups => add(first + belongs.group, rgb),
                 Gathers::Scattered(kind) => {

@@ -297,7 +297,7 @@ fn bits_are_those_of_one_render() {
     let options = options.spp(8).seed(3).light_paths(LightPaths::Share(0.25));
     let made = |options: RenderOptions| Renderer::new(&scene, options).expect("valid options");
     let beauty = made(options.clone()).render().expect("a render").film.hash();
-    let options = options.aovs([Aov::BOUNCES, Aov::GLOSSY, Aov::LIGHT_GROUPS]).light_groups(lamps());
+    let options = options.aovs([Aov::INDIRECT, Aov::GLOSSY, Aov::LIGHT_GROUPS]).light_groups(lamps());
     let whole = made(options.clone()).render().expect("a render").film;
     assert_eq!(whole.hash(), beauty, "layers change nothing");
     assert_ne!(whole.hash(), render(&scene, options.clone().light_paths(LightPaths::Off)).film.hash());
@@ -333,10 +333,9 @@ fn lamps() -> Vec<LightGroup> {
 /// light paths, by Welch's t of their means over 16 seeds, limit 7 (2·10⁻⁷ each).
 #[test]
 fn layers_have_their_share() {
-    let ways: [&[Aov]; 4] = [
+    let ways: [&[Aov]; 3] = [
         &[Aov::EMISSION, Aov::DIRECT, Aov::INDIRECT],
         &[Aov::EMISSION, Aov::DIFFUSE, Aov::GLOSSY, Aov::TRANSMISSION],
-        &[Aov::BOUNCES],
         &[Aov::LIGHT_GROUPS],
     ];
     let all: Vec<Aov> = ways.concat();
@@ -344,7 +343,6 @@ fn layers_have_their_share() {
         let (name, scene, options) = scenes().remove(number);
         let options = options.aovs(all.clone()).light_groups(lamps());
         let layers = |film: &Film, aov: Aov| match aov {
-            Aov::BOUNCES => film.path_lengths().map(|l| (0..17).map(|n| l.image(n)).collect()).expect("kept"),
             Aov::LIGHT_GROUPS => film.light_groups().iter().filter_map(|group| film.light_group(group)).collect(),
             _ => vec![film.layer(aov).expect("kept")],
         };
@@ -392,6 +390,8 @@ fn plans_say_why_there_are_light_paths_or_none() {
     assert!(matches!(&auto, Ok((share, why)) if *share > 0.0 && why.contains("variance")), "{auto:?}");
     let off = said("mirror ball, lamp", &|o| o.light_paths(LightPaths::Off));
     assert!(matches!(&off, Ok((0.0, why)) if why == "not asked for"), "{off:?}");
+    let of_lengths = |o: RenderOptions| o.per_length(true);
+    assert!(matches!(said("mirror ball, lamp", &of_lengths), Ok((0.0, why)) if why.contains("every path length")));
     let foggy = |o: RenderOptions| o.fog(Some(Fog { sigma_t: 0.1, albedo: 0.5, g: 0.0 }));
     assert!(matches!(said("mirror ball, lamp", &foggy), Ok((0.0, why)) if why.contains("media scatter")));
     let refused = said("mirror ball, lamp", &|o| foggy(o).light_paths(LightPaths::Share(0.5)));

@@ -2,7 +2,8 @@
 
 use super::asked::Asked;
 use super::found;
-use crate::plan::options::{FilterKind, LightPaths, Techniques};
+use crate::plan::aov::Gathers;
+use crate::plan::options::{FilterKind, LightPaths, RenderOptions, Techniques};
 use crate::scene::Fact;
 
 /// Whether light may be bundled, and the options leave it to light paths.
@@ -54,9 +55,16 @@ pub fn refusal(asked: &Asked) -> Option<&'static str> {
         Some("backs of surfaces are hidden, which light and camera do not see alike")
     } else if found::texture_filter(asked).is_some() {
         Some("textures are filtered by the width of paths")
+    } else if every_length(asked.options) {
+        Some("a layer of every path length is asked for, which would take too much memory")
     } else if asked.options.filter == FilterKind::Point {
         Some("there is no pixel filter")
     } else {
         None
     }
+}
+
+/// Whether a layer keeps every path length apart.
+fn every_length(options: &RenderOptions) -> bool {
+    options.per_length || options.aovs.iter().any(|aov| aov.gathers() == Gathers::PathLengths)
 }
