@@ -5,6 +5,7 @@ use std::path::Path;
 use super::args::Cli;
 use super::output::{EXIT_OK, print, write_stdout};
 use crate::error::{Error, Result};
+use crate::film::atomic::write_atomically;
 
 /// Prints the completions of a shell.
 ///
@@ -17,18 +18,29 @@ pub fn completions(shell: clap_complete::Shell) -> Result<u8> {
     Ok(EXIT_OK)
 }
 
-/// Writes `pathspace.1` and a page for each command.
+/// Writes `pathspace.1` and a page for each command, each whole or not at all.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file.
 pub fn manual(folder: &Path) -> Result<u8> {
     std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "make", source))?;
-    let failed = |source| Error::io(folder, "write the pages to", source);
-    clap_mangen::generate_to(Cli::definition(), folder).map_err(failed)?;
-    let files = std::fs::read_dir(folder).map_err(failed)?.flatten().map(|file| file.file_name());
-    let mut names: Vec<String> = files.map(|name| name.to_string_lossy().into_owned()).collect();
-    names.retain(|name| name.starts_with("pathspace") && name.ends_with(".1"));
+    let mut command = Cli::definition().disable_help_subcommand(true);
+    command.build();
+    let mut names = Vec::new();
+    write_pages(&command, folder, &mut names)?;
     names.sort();
     print(&format!("{}\n", names.join("\n")))?;
     Ok(EXIT_OK)
+}
+
+/// As `clap_mangen::generate_to`, which leaves a page empty or cut off where it is killed.
+fn write_pages(command: &clap::Command, folder: &Path, names: &mut Vec<String>) -> Result<()> {
+    for command in command.get_subcommands().filter(|command| !command.is_hide_set()) {
+        write_pages(command, folder, names)?;
+    }
+    let page = clap_mangen::Man::new(command.clone());
+    let name = page.get_filename();
+    write_atomically(&folder.join(&name), |file| page.render(file))?;
+    names.push(name);
+    Ok(())
 }
