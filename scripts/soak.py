@@ -5,6 +5,8 @@
     scripts/soak.py SEED     that case alone, told in full; its files stay in target/soak/SEED
     scripts/soak.py kills N  one render that is killed N times and goes on each time: what each leaves, and whether the
                              picture has the bits of a render that was not killed
+    scripts/soak.py jobs N   N jobs of all kinds, each killed at a random moment: what is there then, anywhere that it
+                             may write (working folder and outputs, scene, TMPDIR, HOME, /dev/shm, /tmp)
 
 Kinds of faults: signals (TERM, INT, HUP, USR1, KILL) at random moments; inputs cut off, overwritten or removed while
 they are read; limits of descriptors, memory, file sizes, processes and processor time; a disk that is full (where this
@@ -24,10 +26,13 @@ import random
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+import frames
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = Path(os.environ.get("PATHSPACE", ROOT / "target/release/pathspace")).resolve()
@@ -316,6 +321,166 @@ def kills(count):
     sys.exit(1 if case.found else 0)
 
 
+def write_glb(path, scene, binary):
+    """The scene, whose one buffer is `binary`, in one file."""
+    document = json.loads(scene.read_text())
+    del document["buffers"][0]["uri"]
+    chunks = b""
+    for kind, data, filler in ((b"JSON", json.dumps(document).encode(), b" "), (b"BIN\0", binary.read_bytes(), b"\0")):
+        data += filler * (-len(data) % 4)
+        chunks += struct.pack("<I", len(data)) + kind + data
+    path.write_bytes(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
+
+
+def jobs_of(folder):
+    """What is killed: name, arguments, bytes for stdin, and the names that may be there then, of files."""
+    scenes = folder / "scenes"
+    for name in ("cornell-box", "in-motion"):
+        shutil.copytree(ROOT / "scenes" / name, scenes / name)
+    (scenes / "textures").mkdir()
+    maker, chance = frames.Scene(), random.Random(SEED)
+    maker.write(scenes / "textures", False, 3)
+    for number in range(3):
+        frames.write_png(scenes / f"textures/{number}.png", 2048, chance)
+    box, moving = scenes / "cornell-box/scene.gltf", scenes / "in-motion/scene.gltf"
+    textured = scenes / "textures/scene.gltf"
+    write_glb(scenes / "box.glb", box, box.with_name("scene.bin"))
+    for part in range(2):
+        made = ["render", box, "--size", "96x80", "--aov", "bounces", "--sample-range", f"{8 * part}..{8 * part + 8}"]
+        subprocess.run([BINARY, *made, "-q", "--checkpoint", "1h", scenes / f"{part}.part"], check=True)
+
+    picture = ["--size", "160x120", "--spp", 48, "--reproducible"]
+    outputs = ["-o", "a.exr", "--png", "a.png", "--jpg", "a.jpg", "--stats", "a.json", "--report", "a.html"]
+    outputs += ["--preview", "b.png", "--every", "20ms", "--survey", "a.survey"]
+    all_outputs = ["a.exr", "a.png", "a.jpg", "a.json", "a.html", "b.png", "a.survey"]
+    saved = ["--checkpoint", "20ms", "a.checkpoint"]
+    each = [f"f.{number:04}.{kind}" for number in range(1, 5) for kind in ("exr", "png", "checkpoint")]
+    yield "outputs", ["render", box, *picture, *outputs, "--aov", "variance,bounces"], None, all_outputs
+    yield "state", ["render", box, *picture, *saved, "-o", "a.exr"], None, ["a.exr", "a.checkpoint"]
+    yield "frames", ["render", moving, "--frames", "1-4", "--size", "64x48", "--spp", 4, "-o", "f.####.exr", "--png",
+                     "f.####.png"], None, each
+    yield "page", ["render", box, *picture, "--serve=127.0.0.1:0", "-o", "a.exr"], None, ["a.exr"]
+    yield "accuracy", ["accuracy", box, "--budget", "1s", "--size", "16x12", "-o", "prices"], None, [
+        "prices/report.html", "prices/report.json", "prices/report.csv"]
+    yield "merge", ["merge", scenes / "0.part", scenes / "1.part", "-o", "a.exr", "--png", "a.png", "--stats",
+                    "a.json"], None, ["a.exr", "a.png", "a.json"]
+    # Less memory than the textures need, so that they are copied, and looked up through tiles.
+    yield "textures", ["render", textured, "--texture-memory", "24M", "--texture-filter", chance.choice(
+        ["exact", "trilinear"]), *picture, "-o", "a.exr"], None, ["a.exr"]
+    yield "stdin", ["render", "-", *picture, "-o", "a.exr"], (scenes / "box.glb").read_bytes(), ["a.exr"]
+    farm = ["--tasks", 4, "--job", "job"]
+    yield "slurm", ["farm", "slurm", box, "--spp", 64, "-o", "a.exr", *farm], None, [
+        f"job/{name}.sh" for name in ("array", "merge", "submit")]
+    yield "openjd", ["farm", "openjd", moving, "--frames", "1-4", "-o", "f.####.exr", *farm], None, [
+        "job/template.json"]
+    yield "manual", ["man", "manual"], None, None
+    yield "chart", ["bench", box, "--width", 16, "--spp", 1, "-o", "a.svg"], None, ["a.svg"]
+
+
+def files_below(folder):
+    return {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if not path.is_dir()}
+
+
+def is_whole_file(case, path):
+    """Readable to its end; a text that a whole run writes the same each time is compared with it instead."""
+    kind, data = path.suffix, path.read_bytes()
+    if kind in (".exr", ".checkpoint", ".png", ".json") and path.name not in ("template.json", "report.json"):
+        return case.is_whole(path)
+    if kind == ".json":
+        return json.loads(data) is not None
+    ends = {".jpg": b"\xff\xd9", ".html": b"</html>", ".svg": b"</svg>", ".survey": b"", ".csv": b""}
+    return len(data) > 0 and data.rstrip(b"\n").endswith(ends.get(kind, b""))
+
+
+def jobs(count):
+    """Jobs of all kinds, killed while they load, render or write; and every file that is there then."""
+    case, chance, findings = Case(SEED), random.Random(SEED), []
+    kinds, killed, ended, outputs = list(jobs_of(case.folder)), collections.Counter(), 0, 0
+    scenes = case.folder / "scenes"
+    kept = {name: path.read_bytes() for name, path in files_below(scenes).items()}
+    home, took, whole = case.folder / "home", {}, {}
+    home.mkdir()
+
+    def begin(args, given):
+        shutil.rmtree(case.out)
+        case.out.mkdir()
+        env = os.environ | {"TMPDIR": str(case.tmp), "HOME": str(home), "XDG_CACHE_HOME": str(home)}
+        source = subprocess.PIPE if given else subprocess.DEVNULL
+        process = subprocess.Popen(list(map(str, [BINARY, *args])), cwd=case.out, env=env, stdin=source,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+        if given:
+            process.stdin.write(given)
+            process.stdin.close()
+            process.stdin = None
+        return process
+
+    def elsewhere():
+        """Names in folders that others use as well: those of ours, in /tmp."""
+        return {f"/dev/shm/{name}" for name in os.listdir("/dev/shm")} | {
+            f"/tmp/{name}" for name in os.listdir("/tmp") if "pathspace-" in name or name.endswith(".partial")}
+
+    def look(what, names, before):
+        found = [f"left behind in {folder.name}: {name}" for folder in (case.tmp, home) for name in files_below(folder)]
+        found += [f"left behind: {name}" for name in sorted(elsewhere() - before)]
+        there = files_below(case.out)
+        for name, path in there.items():
+            if name not in names:
+                found.append(f"left behind: {name}")
+            elif whole.get((what, name), b"") != path.read_bytes() and not is_whole_file(case, path):
+                found.append(f"{name} is not whole")
+            elif path.suffix in (".sh", ".1") and whole.get((what, name)) != path.read_bytes():
+                found.append(f"{name} is not what a whole run writes")
+        if {name: path.read_bytes() for name, path in files_below(scenes).items()} != kept:
+            found.append("files beside the scene changed")
+        for folder in (case.tmp, home):
+            for path in files_below(folder).values():
+                path.unlink()
+        return found, len(there)
+
+    # Whole first: how long each takes, and what it leaves when it is not killed.
+    for at, (what, args, given, names) in enumerate(kinds):
+        before, process = elsewhere(), begin(args, given)
+        began = time.monotonic()
+        _, said = process.communicate(timeout=3 * hang_s())
+        took[what] = time.monotonic() - began
+        if process.returncode not in (0, 3):
+            findings.append(f"{what}: exit code {process.returncode}: {said.decode(errors='replace')[-200:]}")
+        names = names or sorted(files_below(case.out))
+        kinds[at] = (what, args, given, names)
+        whole |= {(what, name): path.read_bytes() for name, path in files_below(case.out).items()}
+        findings += [f"{what}, whole: {found}" for found in look(what, names, before)[0]]
+        findings += [f"{what}, whole: no {name}" for name in names
+                     if not (case.out / name).exists() and not name.endswith((".checkpoint", ".survey"))]
+
+    for number in range(count):
+        what, args, given, names = kinds[number % len(kinds)]
+        before, process = elsewhere(), begin(args, given)
+        began = time.monotonic()
+        # A third at any time, a third as soon as there is an output, a third while it starts.
+        how, after = chance.choice(["any", "written", "start"]), chance.random()
+        if how == "written":
+            limit = began + 2 * took[what] + 1
+            while process.poll() is None and time.monotonic() < limit and not files_below(case.out):
+                time.sleep(0.0005)
+            time.sleep(after * 0.02)
+        else:
+            time.sleep(after * (took[what] if how == "any" else min(took[what], 0.05)))
+        process.kill()
+        process.communicate()
+        seconds = time.monotonic() - began
+        killed[what] += process.returncode == -signal.SIGKILL
+        ended += process.returncode != -signal.SIGKILL
+        found, there = look(what, names, before)
+        outputs += there
+        for one in found:
+            findings.append(f"{what}, killed after {seconds:.3f} s ({how}, number {number}): {one}")
+            print(f"soak: FOUND {findings[-1]}", flush=True)
+    told = ", ".join(f"{number} {what}" for what, number in killed.items())
+    print(*findings, f"soak: {count} jobs from seed {SEED}: {killed.total()} killed ({told}), {ended} had ended; "
+          f"{outputs} outputs, all looked at; {len(findings)} findings", sep="\n")
+    sys.exit(1 if findings else 0)
+
+
 def mounting():
     """A shell that may mount, or none."""
     for shell in (["unshare", "-rm", "sh"], ["unshare", "-m", "sh"]):
@@ -347,6 +512,8 @@ def main():
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if sys.argv[1:2] == ["kills"]:
         kills(int(sys.argv[2]))
+    if sys.argv[1:2] == ["jobs"]:
+        jobs(int(sys.argv[2]))
     if len(sys.argv) > 1:
         case = soak_one(int(sys.argv[1]))
         print(*case.told, *case.found, f"{case.kind.__name__}: {len(case.found)} findings", sep="\n")
