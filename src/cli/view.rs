@@ -25,8 +25,8 @@ use crate::scene::{Camera, Projection, Scene};
 /// By how much the first look at a view is smaller on each side.
 const COARSE: u32 = 4;
 
-/// Samples of the first look, which is to be there within 150 ms.
-const COARSE_SPP: u64 = 1;
+/// Samples of the first look: two, so that it has an error.
+const COARSE_SPP: u64 = 2;
 
 /// How often a finished view looks for signals.
 const PAUSE: Duration = Duration::from_millis(100);
