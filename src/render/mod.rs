@@ -78,8 +78,8 @@ impl Renderer<'_> {
         self.render_with(|_| ControlFlow::Continue(()))
     }
 
-    /// Renders, calling `progress` on this thread some fifty times a second. When it breaks off, tiles at hand that have
-    /// no samples yet are finished, and what there is is returned.
+    /// Renders, calling `progress` on this thread some fifty times a second. When it breaks off, tiles at hand that
+    /// have no samples yet are finished, and what there is is returned.
     pub fn render_with(&self, mut progress: impl FnMut(&Progress) -> ControlFlow<()>) -> Result<Render> {
         self.run(self.backend(), Observers::new(&mut progress), None)
     }
