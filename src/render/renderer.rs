@@ -87,7 +87,7 @@ impl<'a> Renderer<'a> {
     }
 
     /// [`new`](Self::new) for another frame of an animation: what is the same as in the one that `kept` is of, as far
-    /// as the backend can tell, is not built again. Its renders have the bits of those of a renderer that is made alone.
+    /// as the backend can tell, is not built again. Its renders have the bits of those of a renderer made alone.
     ///
     /// # Errors
     /// As [`new`](Self::new).
